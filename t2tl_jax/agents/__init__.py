@@ -1,0 +1,1 @@
+"""Learners: one readable file each, all behind the interface of `agent.py`."""

@@ -1,0 +1,61 @@
+"""What a learner offers to the runner, to evaluation and to the plots: a few pure functions.
+
+Every function works on one seed and holds no state, so the runner vmaps it over seeds (and jits it once).
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import jax
+from flax import struct
+
+Params = Any  # the variables of a Flax module
+
+
+@struct.dataclass
+class EpisodeTotals:
+    """Sums over the episodes that finished during one iteration; all scalars, so that they add up over iterations.
+
+    `discounted_return` is the paper's "average discounted return" before averaging: undiscounted return of the episode
+    times gamma^(length - 1). Lengths count environment steps.
+    """
+
+    episodes: jax.Array  # int32
+    successes: jax.Array  # int32, formula became true
+    violations: jax.Array  # int32, formula became false
+    timeouts: jax.Array  # int32, cut by the time limit
+    discounted_return: jax.Array  # float32
+    length: jax.Array  # float32
+    success_length: jax.Array  # float32, over successes only
+
+
+@struct.dataclass
+class Metrics:
+    """What one iteration reports: finished episodes and named scalars (losses, entropy, gradient norm, ...)."""
+
+    episodes: EpisodeTotals
+    scalars: dict[str, jax.Array]
+
+
+class TrainState(Protocol):
+    """The part of a learner's state that the runner reads; the rest is the learner's own."""
+
+    params: Params  # current parameters
+    best_params: Params  # parameters with the highest `best_score` so far
+    best_score: jax.Array  # float32 scalar, -inf before the first score
+
+
+class Agent(NamedTuple):
+    """A learner as pure functions of one seed.
+
+    init(key) -> train_state
+    iterate(train_state) -> (train_state, Metrics); advances training by `frames_per_iteration` environment steps
+    embed(params) -> float32[rows, dim]: the task encoder's output for every row of the task table, computed once
+    act(params, embedding, obs, row, key, deterministic) -> action; obs [..., O], row int32[...]
+    """
+
+    init: Callable[[jax.Array], Any]
+    iterate: Callable[[Any], tuple[Any, Metrics]]
+    embed: Callable[[Params], jax.Array]
+    act: Callable[[Params, jax.Array, jax.Array, jax.Array, jax.Array, bool], jax.Array]
+    frames_per_iteration: int

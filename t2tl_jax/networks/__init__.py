@@ -1,0 +1,1 @@
+"""Flax modules: Transformer, task encoders, actor and critic. They know no algorithm."""
