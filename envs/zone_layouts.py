@@ -1,0 +1,135 @@
+"""Where the coloured discs of a ZoneEnv map lie: the published map, and random maps by the published rejection rule.
+
+Everything here is host-side numpy. A random map is never drawn inside a jitted program: a pool of maps is sampled once,
+and a reset picks one of them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+ZONE_RADIUS = 0.25
+"""Metres; a disc is entered at this distance from its centre, inclusive."""
+
+COLOURS = {
+    "J": "Black",
+    "W": "White",
+    "B": "Blue",
+    "G": "Green",
+    "R": "Red",
+    "Y": "Yellow",
+    "C": "Cyan",
+    "M": "Magenta",
+}
+"""Proposition of each colour's letter, in the order in which propositions are listed."""
+
+FIXED_COLOURS = "JJJRRWWWYYY"
+"""Colours of the eleven discs of the published map."""
+
+FIXED_ZONES = (
+    (0.0, 0.0),
+    (1.0, 0.5),
+    (-1.0, 2.0),
+    (-0.5, -1.0),
+    (0.75, -0.5),
+    (-1.5, -1.0),
+    (-1.0, 0.5),
+    (0.5, 1.0),
+    (-0.5, 1.0),
+    (-0.5, -2.0),
+    (1.0, 2.0),
+)
+"""Disc centres of the published map, in metres."""
+
+FIXED_START = (0.0, -1.5, 2.0)
+"""Robot position in metres and heading in radians at the start of every episode on the published map."""
+
+RANDOM_COLOURS = "JJRRWWYY"
+"""Colours of the eight discs of the published random maps."""
+
+ARENA = 2.5
+"""Half the side of the square in which objects are placed, in metres."""
+
+ZONE_KEEPOUT = 0.55
+"""Metres that a disc's centre keeps from the arena's edge, and adds to its distance from other objects."""
+
+ROBOT_KEEPOUT = 0.4
+"""The same for the robot."""
+
+DRAWS_PER_OBJECT = 100
+"""Draws after which an object counts as unplaceable and its whole layout is dropped."""
+
+LAYOUTS_PER_RESET = 10_000
+"""Dropped layouts after which the colours are declared impossible to place."""
+
+
+class Layouts(NamedTuple):
+    """A pool of maps."""
+
+    robots: np.ndarray
+    """``float32[pool, 2]``: start positions of the robot in metres."""
+    zones: np.ndarray
+    """``float32[pool, n, 2]``: disc centres in metres."""
+
+
+def sample_layouts(num_zones: int, pool_size: int, seed: int) -> Layouts:
+    """Draw ``pool_size`` random maps with ``num_zones`` discs each.
+
+    The rule is that of Safety-Gym: the robot first, then disc after disc, each uniform in the arena shrunk by its own
+    keepout, redrawn until it keeps the sum of both keepouts from everything already placed. A layout in which an object
+    finds no place in 100 draws is dropped as a whole. The walls need no check, the shrunk rectangle respects them.
+
+    Raises:
+        ValueError: if 10,000 layouts in a row fail, that is, if the discs do not fit.
+    """
+    rng = np.random.default_rng(seed)
+    found: list[np.ndarray] = []
+    num_found = dropped = 0
+    while num_found < pool_size:
+        batch = _attempt_layouts(rng, num_zones, min(1024, 2 * pool_size))
+        dropped = 0 if len(batch) else dropped + min(1024, 2 * pool_size)
+        if dropped >= LAYOUTS_PER_RESET:
+            raise ValueError(
+                f"{num_zones} zones cannot be placed: {dropped:,} random layouts in a row failed to keep "
+                f"{2 * ZONE_KEEPOUT:.2f} m between centres in the {2 * ARENA:g} m arena. Use fewer zones "
+                "(up to 11 are found quickly)."
+            )
+        found.append(batch)
+        num_found += len(batch)
+    pool = np.concatenate(found)[:pool_size].astype(np.float32)
+    return Layouts(robots=pool[:, 0], zones=pool[:, 1:])
+
+
+def _attempt_layouts(rng: np.random.Generator, num_zones: int, attempts: int) -> np.ndarray:
+    """Those of ``attempts`` layouts that succeed: ``float64[successes, 1 + num_zones, 2]``, the robot first."""
+    placed = np.empty((attempts, 0, 2))
+    keepouts: list[float] = []
+    for keepout in [ROBOT_KEEPOUT] + [ZONE_KEEPOUT] * num_zones:
+        limit = ARENA - keepout
+        draws = rng.uniform(-limit, limit, (len(placed), DRAWS_PER_OBJECT, 2))
+        distances = np.linalg.norm(draws[:, :, None] - placed[:, None], axis=-1)
+        accepted = (distances >= np.array(keepouts) + keepout).all(-1)
+        first = accepted.argmax(1)
+        alive = accepted.any(1)
+        chosen = draws[np.arange(len(draws)), first]
+        placed = np.concatenate([placed, chosen[:, None]], axis=1)[alive]
+        keepouts.append(keepout)
+    return placed
+
+
+def check_disjoint(zones: np.ndarray) -> None:
+    """Make sure that at most one label holds at a time: no two discs of a map may share a point.
+
+    Args:
+        zones: ``float[..., n, 2]`` disc centres in metres.
+
+    Raises:
+        ValueError: if two centres are no more than two radii apart.
+    """
+    num_zones = zones.shape[-2]
+    if num_zones < 2:
+        return
+    first, second = np.triu_indices(num_zones, 1)
+    nearest = np.linalg.norm(zones[..., first, :] - zones[..., second, :], axis=-1).min()
+    if nearest <= 2 * ZONE_RADIUS:
+        raise ValueError(f"two zones overlap: their centres are {nearest:.3f} m apart, they need > {2 * ZONE_RADIUS} m")
