@@ -1,0 +1,69 @@
+"""A learner of one seed made into the one compiled program that trains all seeds of a run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+from jax.sharding import NamedSharding
+
+from t2tl_jax.agents.agent import Agent
+from t2tl_jax.training.seeds import TRAINING, seed_sharding, stream_keys
+
+
+@dataclass(frozen=True)
+class Program:
+    """A training program, traced but not compiled. Every array in a state has a leading axis [seeds]."""
+
+    keys: jax.Array
+    """``key[seeds]``: the training stream of each seed."""
+    state: Any
+    """Shapes and dtypes of the training state, as a tree of ``jax.ShapeDtypeStruct``."""
+    sharding: NamedSharding | None
+    """Placement of the seeds; None on a single device."""
+    lowered_init: Any
+    """``keys -> state``, ready to compile."""
+    lowered_iterate: Any
+    """``state -> (state, Metrics)``, ready to compile; the given state's memory is reused for the result."""
+
+
+def trace(agent: Agent, seeds: Sequence[int]) -> Program:
+    """Vmap a learner over seeds and trace it, which finds most mistakes before anything is compiled or written.
+
+    A single seed gets a leading axis as well, so that there is one kind of program.
+
+    Raises:
+        TypeError: if ``agent.iterate`` returns a state of other shapes or dtypes than it was given.
+    """
+    sharding = seed_sharding(len(seeds))
+    placement = {} if sharding is None else {"in_shardings": sharding, "out_shardings": sharding}
+    keys = stream_keys(seeds, TRAINING)
+    if sharding is not None:
+        keys = jax.device_put(keys, sharding)
+    init = jax.jit(jax.vmap(lambda key: _strongly_typed(agent.init(key))), **placement)
+    iterate = jax.jit(jax.vmap(agent.iterate), donate_argnums=0, **placement)
+    state = _shapes(jax.eval_shape(init, keys))
+    lowered = iterate.lower(state)
+    _require_same(state, _shapes(lowered.out_info[0]))
+    return Program(keys, state, sharding, init.lower(keys), lowered)
+
+
+def _strongly_typed(tree: Any) -> Any:
+    """Fix the dtype of values that Python numbers left open: they would change type after one iteration."""
+    return jax.tree.map(lambda x: jax.lax.convert_element_type(x, jax.numpy.asarray(x).dtype), tree)
+
+
+def _shapes(tree: Any) -> Any:
+    return jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), tree)
+
+
+def _require_same(before: Any, after: Any) -> None:
+    old, new = jax.tree_util.tree_leaves_with_path(before), jax.tree_util.tree_leaves_with_path(after)
+    if [path for path, _ in old] != [path for path, _ in new]:
+        raise TypeError("iterate returned a training state of another structure than it was given")
+    for (path, a), (_, b) in zip(old, new, strict=True):
+        if a.shape != b.shape or a.dtype != b.dtype:
+            raise TypeError(
+                f"iterate changed train_state{jax.tree_util.keystr(path)} from {a.dtype}{list(a.shape)}"
+                f" to {b.dtype}{list(b.shape)} (first axis: seeds)"
+            )
