@@ -1,0 +1,273 @@
+"""Proximal policy optimisation with the constants and details of the published code (reference: Schulman et al., 2017).
+
+Read `make_ppo` from top to bottom: collect a rollout, estimate advantages, update in epochs of minibatches. One iteration
+is one pure function of the training state.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import optax
+from flax import struct
+from jax.scipy.stats import norm
+
+from t2tl_jax.agents.agent import Agent, EpisodeTotals, Metrics, Params
+from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.episodes import Episode, begin
+from t2tl_jax.training.rollout import Transitions, generalised_advantages, rollout
+
+
+@dataclass(frozen=True)
+class PPOConfig:
+    """PPO's constants; the defaults are the published ones except for the schedule."""
+
+    num_envs: int = 512
+    """Parallel environments."""
+    rollout_steps: int = 128
+    """Steps of every environment in one iteration."""
+    epochs: int = 4
+    """Passes over the rollout in one iteration."""
+    minibatch_size: int = 8192
+    """Samples of one gradient step; must divide num_envs x rollout_steps."""
+    discount: float = 0.998
+    """Discount factor gamma."""
+    gae_lambda: float = 0.99
+    """Lambda of generalised advantage estimation."""
+    learning_rate: float = 3e-4
+    """Step size of Adam."""
+    anneal_learning_rate: bool = False
+    """Decay the learning rate linearly to zero over the run."""
+    adam_epsilon: float = 1e-8
+    """Epsilon of Adam."""
+    clip: float = 0.2
+    """Clipping range of the probability ratio and of the value."""
+    clip_value: bool = True
+    """Clip the value loss around the old value (the larger of the two squared errors counts)."""
+    value_coefficient: float = 0.5
+    """Weight of the value loss."""
+    entropy_coefficient: float = 0.01
+    """Weight of the entropy, which is averaged over action dimensions as published."""
+    max_gradient_norm: float = 0.5
+    """Global norm at which gradients are clipped."""
+    normalise_advantage: bool = False
+    """Standardise advantages within a minibatch."""
+    timeout_is_terminal: bool = False
+    """Treat the time limit as an end of the task (published code) instead of bootstrapping from the last observation."""
+    staggered_start: bool = True
+    """Cut the very first episode of each environment at a random length, so that resets do not come in step."""
+
+    def __post_init__(self) -> None:
+        if self.batch_size % self.minibatch_size:
+            raise ValueError(
+                f"minibatch_size must divide num_envs x rollout_steps = {self.num_envs} x {self.rollout_steps} = "
+                f"{self.batch_size}, got minibatch_size={self.minibatch_size}"
+            )
+        for name in ("discount", "gae_lambda"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must lie between 0 and 1, got {getattr(self, name)}")
+
+    @property
+    def batch_size(self) -> int:
+        """Environment steps in one iteration."""
+        return self.num_envs * self.rollout_steps
+
+    @property
+    def num_minibatches(self) -> int:
+        """Gradient steps in one epoch."""
+        return self.batch_size // self.minibatch_size
+
+
+@struct.dataclass
+class PPOState:
+    """Everything that the next iteration depends on."""
+
+    params: Params
+    opt_state: optax.OptState
+    episodes: Episode  # the N environments, leading axis [N]
+    key: jax.Array
+    iteration: jax.Array  # int32
+    best_params: Params
+    best_score: jax.Array  # float32, discounted return of the best rollout so far
+
+
+@struct.dataclass
+class Batch:
+    """Samples of a rollout, flattened to [B]."""
+
+    obs: jax.Array
+    row: jax.Array
+    action: jax.Array
+    log_prob: jax.Array
+    value: jax.Array
+    advantage: jax.Array
+
+
+MINIMUM_SCORED_EPISODES = 16
+
+
+def log_probability(mean: jax.Array, std: jax.Array, action: jax.Array) -> jax.Array:
+    """Log-density of a diagonal Gaussian, summed over the last axis."""
+    return norm.logpdf(action, mean, std).sum(axis=-1)
+
+
+def ppo_loss(
+    config: PPOConfig, network: ActorCritic, params: Params, task: jax.Array, batch: Batch
+) -> tuple[jax.Array, dict[str, jax.Array]]:
+    """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [B, dim]."""
+    mean, std, value = network.apply(params, batch.obs, task)
+    ratio = jnp.exp(log_probability(mean, std, batch.action) - batch.log_prob)
+    advantage = batch.advantage
+    if config.normalise_advantage:
+        advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    clipped_ratio = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
+    policy_loss = -jnp.minimum(ratio * advantage, clipped_ratio * advantage).mean()
+
+    target = batch.value + batch.advantage
+    value_error = jnp.square(value - target)
+    if config.clip_value:
+        clipped_value = batch.value + jnp.clip(value - batch.value, -config.clip, config.clip)
+        value_error = jnp.maximum(value_error, jnp.square(clipped_value - target))
+    value_loss = value_error.mean()
+
+    entropy = (0.5 * jnp.log(2 * jnp.pi * jnp.e) + jnp.log(std)).mean()  # over samples and action dimensions
+    loss = policy_loss - config.entropy_coefficient * entropy + config.value_coefficient * value_loss
+    return loss, {
+        "policy_loss": policy_loss,
+        "value_loss": value_loss,
+        "entropy": entropy,
+        "value": value.mean(),
+        "clip_fraction": (jnp.abs(ratio - 1) > config.clip).mean(),
+        "kl": (ratio - 1 - jnp.log(ratio)).mean(),
+    }
+
+
+def make_ppo(
+    env: TaskEnv, network_config: NetworkConfig, config: PPOConfig, episode_length: int, iterations: int
+) -> Agent:
+    """The learner for one seed. `iterations` is the length of the run, used only to anneal the learning rate."""
+    table = env.table
+    network = ActorCritic(network_config, env.action_size)
+    gradient_steps = iterations * config.epochs * config.num_minibatches
+    learning_rate = (
+        optax.linear_schedule(config.learning_rate, 0.0, gradient_steps)
+        if config.anneal_learning_rate
+        else config.learning_rate
+    )
+    optimizer = optax.chain(
+        optax.clip_by_global_norm(config.max_gradient_norm), optax.adam(learning_rate, eps=config.adam_epsilon)
+    )
+
+    def embed(params: Params) -> jax.Array:
+        return network.apply(params, table, method="embed")
+
+    def act(
+        params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, deterministic: bool
+    ) -> jax.Array:
+        mean, std = network.apply(params, obs, embedding[row], method="policy")
+        return mean if deterministic else mean + std * jax.random.normal(key, mean.shape)
+
+    def init(key: jax.Array) -> PPOState:
+        params_key, episodes_key, limit_key, key = jax.random.split(key, 4)
+        keys = jax.random.split(episodes_key, config.num_envs)
+        limits = jnp.full(config.num_envs, episode_length)
+        if config.staggered_start:
+            limits = jax.random.randint(limit_key, (config.num_envs,), 1, episode_length + 1)
+        episodes = jax.vmap(partial(begin, env))(keys, limits)
+        params = network.init(
+            params_key, table, episodes.state.obs, episodes.state.pipeline_state.row, method="initialise"
+        )
+        return PPOState(
+            params=params,
+            opt_state=optimizer.init(params),
+            episodes=episodes,
+            key=key,
+            iteration=jnp.int32(0),
+            best_params=params,
+            best_score=jnp.float32(-jnp.inf),
+        )
+
+    def collect(params: Params, episodes: Episode, key: jax.Array) -> tuple[Episode, Transitions, EpisodeTotals]:
+        embedding = embed(params)
+
+        def policy(obs: jax.Array, row: jax.Array, key: jax.Array) -> tuple[jax.Array, jax.Array]:
+            mean, std = network.apply(params, obs, embedding[row], method="policy")
+            action = mean + std * jax.random.normal(key, mean.shape)
+            return action, log_probability(mean, std, action)
+
+        return rollout(env, policy, episodes, key, config.rollout_steps, episode_length, config.discount)
+
+    def make_batch(params: Params, transitions: Transitions) -> Batch:
+        embedding = embed(params)
+        value = network.apply(params, transitions.obs, embedding[transitions.row], method="value")
+        next_value = network.apply(params, transitions.next_obs, embedding[transitions.next_row], method="value")
+        terminated, truncated = transitions.terminated, transitions.truncated
+        if config.timeout_is_terminal:
+            terminated, truncated = terminated | truncated, jnp.zeros_like(truncated)
+        advantage = generalised_advantages(
+            transitions.reward, value, next_value, terminated, truncated, config.discount, config.gae_lambda
+        )
+        batch = Batch(
+            obs=transitions.obs,
+            row=transitions.row,
+            action=transitions.action,
+            log_prob=transitions.log_prob,
+            value=value,
+            advantage=advantage,
+        )
+        return jax.tree.map(lambda x: x.reshape(config.batch_size, *x.shape[2:]), batch)
+
+    def gradient_step(carry: tuple[Params, optax.OptState], minibatch: Batch):
+        params, opt_state = carry
+
+        def loss(params: Params) -> tuple[jax.Array, dict[str, jax.Array]]:
+            # Each distinct formula is encoded once; the gather's gradient sums over the samples of a row.
+            return ppo_loss(config, network, params, embed(params)[minibatch.row], minibatch)
+
+        gradient, scalars = jax.grad(loss, has_aux=True)(params)
+        updates, opt_state = optimizer.update(gradient, opt_state, params)
+        scalars["gradient_norm"] = optax.global_norm(gradient)
+        return (optax.apply_updates(params, updates), opt_state), scalars
+
+    def epoch(carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):
+        order = jax.random.permutation(key, config.batch_size).reshape(config.num_minibatches, config.minibatch_size)
+
+        def minibatch_step(carry, rows):
+            return gradient_step(carry, jax.tree.map(lambda x: x[rows], batch))
+
+        return jax.lax.scan(minibatch_step, carry, order)
+
+    def iterate(state: PPOState) -> tuple[PPOState, Metrics]:
+        key, rollout_key, epochs_key = jax.random.split(state.key, 3)
+
+        # COLLECT
+        episodes, transitions, totals = collect(state.params, state.episodes, rollout_key)
+
+        # ADVANTAGE
+        batch = make_batch(state.params, transitions)
+
+        # UPDATE
+        (params, opt_state), scalars = jax.lax.scan(
+            lambda carry, key: epoch(carry, key, batch),
+            (state.params, state.opt_state),
+            jax.random.split(epochs_key, config.epochs),
+        )
+
+        # The rollout scores the parameters that made it, not the ones it led to.
+        enough = totals.episodes >= MINIMUM_SCORED_EPISODES
+        score = jnp.where(enough, totals.discounted_return / jnp.maximum(totals.episodes, 1), -jnp.inf)
+        is_best = score > state.best_score
+        new_state = PPOState(
+            params=params,
+            opt_state=opt_state,
+            episodes=episodes,
+            key=key,
+            iteration=state.iteration + 1,
+            best_params=jax.tree.map(lambda new, old: jnp.where(is_best, new, old), state.params, state.best_params),
+            best_score=jnp.maximum(score, state.best_score),
+        )
+        return new_state, Metrics(episodes=totals, scalars=jax.tree.map(jnp.mean, scalars))
+
+    return Agent(init=init, iterate=iterate, embed=embed, act=act, frames_per_iteration=config.batch_size)

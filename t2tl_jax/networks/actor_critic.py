@@ -1,0 +1,137 @@
+"""The actor-critic of the published code: environment encoder, task embedding, Gaussian actor, critic (t2tl, section 6.1)."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.initializers import unit_norm
+from t2tl_jax.networks.task_encoders import OneHotTaskEncoder, TaskEncoder, TransformerTaskEncoder
+from t2tl_jax.networks.transformer import TransformerConfig
+
+MINIMUM_STD = 1e-3
+MEAN_RANGE = 2.0
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """Everything between an observation with a task row and an action with a value."""
+
+    task_encoder: Literal["transformer", "one_hot"] = "transformer"
+    """How a formula becomes numbers: read by a Transformer (T1TL), or the automaton's state as a unit vector (DFA)."""
+    transformer: TransformerConfig = field(default_factory=TransformerConfig)
+    """The formula's Transformer."""
+    one_hot_size: int = 16
+    """Width of the one-hot code; at least the number of rows."""
+    env_layers: tuple[int, ...] = (128, 64)
+    """Hidden sizes of the environment encoder."""
+    actor_layers: tuple[int, ...] = (64, 64, 64)
+    """Hidden sizes of the actor."""
+    critic_layers: tuple[int, ...] = (64, 64)
+    """Hidden sizes of the critic."""
+    value_scale: float = 1.0
+    """Length of the value head's initial weights: 1 as published, 0 for a critic that starts without an opinion."""
+    observation: Literal["symlog", "raw"] = "symlog"
+    """Squash observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as published."""
+
+
+def _mlp(x: jax.Array, sizes: tuple[int, ...], activation, name: str) -> jax.Array:
+    for i, size in enumerate(sizes):
+        x = activation(nn.Dense(size, kernel_init=unit_norm(), name=f"{name}_{i}")(x))
+    return x
+
+
+class EnvironmentEncoder(nn.Module):
+    """Observation -> features, ReLU after every layer."""
+
+    config: NetworkConfig
+
+    @nn.compact
+    def __call__(self, obs: jax.Array) -> jax.Array:
+        """obs [..., O] -> [..., env_layers[-1]]."""
+        if self.config.observation == "symlog":
+            obs = jnp.sign(obs) * jnp.log1p(jnp.abs(obs))
+        return _mlp(obs, self.config.env_layers, nn.relu, "dense")
+
+
+class Actor(nn.Module):
+    """Features -> mean and standard deviation of a diagonal Gaussian.
+
+    As published: mean = 2 tanh(.), std = softplus(tanh(.)) + 0.001, so std lies in [0.314, 1.314].
+    """
+
+    layers: tuple[int, ...]
+    action_size: int
+
+    @nn.compact
+    def __call__(self, features: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """features [..., D] -> (mean, std), each [..., action_size]."""
+        x = _mlp(features, self.layers, nn.relu, "dense")
+        mean = MEAN_RANGE * jnp.tanh(nn.Dense(self.action_size, kernel_init=unit_norm(), name="mean")(x))
+        std = nn.softplus(jnp.tanh(nn.Dense(self.action_size, kernel_init=unit_norm(), name="std")(x))) + MINIMUM_STD
+        return mean, std
+
+
+class Critic(nn.Module):
+    """Features -> value."""
+
+    layers: tuple[int, ...]
+    output_scale: float
+
+    @nn.compact
+    def __call__(self, features: jax.Array) -> jax.Array:
+        """features [..., D] -> [...]."""
+        x = _mlp(features, self.layers, nn.tanh, "dense")
+        return nn.Dense(1, kernel_init=unit_norm(self.output_scale), name="value")(x)[..., 0]
+
+
+class ActorCritic(nn.Module):
+    """Policy and value of (observation, task embedding); the task encoder is one of its parts.
+
+    Call `embed` once per gradient step (or per rollout), then index the embedding by row.
+    """
+
+    config: NetworkConfig
+    action_size: int
+
+    def setup(self) -> None:
+        """Name the parts; parameters live under these names in checkpoints."""
+        self.task_encoder: TaskEncoder = make_task_encoder(self.config)
+        self.environment_encoder = EnvironmentEncoder(self.config)
+        self.actor = Actor(self.config.actor_layers, self.action_size)
+        self.critic = Critic(self.config.critic_layers, self.config.value_scale)
+
+    def embed(self, table: TaskTable) -> jax.Array:
+        """float32[rows, dim], one vector for every row of the table."""
+        return self.task_encoder(table)
+
+    def features(self, obs: jax.Array, task: jax.Array) -> jax.Array:
+        """obs [..., O], task [..., dim] -> [..., D], shared by actor and critic."""
+        return jnp.concatenate([self.environment_encoder(obs), task], axis=-1)
+
+    def policy(self, obs: jax.Array, task: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Mean and std of the action, each [..., action_size]."""
+        return self.actor(self.features(obs, task))
+
+    def value(self, obs: jax.Array, task: jax.Array) -> jax.Array:
+        """Value [...]."""
+        return self.critic(self.features(obs, task))
+
+    def __call__(self, obs: jax.Array, task: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """Mean, std and value from one pass through the shared features."""
+        features = self.features(obs, task)
+        return *self.actor(features), self.critic(features)
+
+    def initialise(self, table: TaskTable, obs: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """Touch every part once, so that `init(key, table, obs, row, method="initialise")` makes all parameters."""
+        return self(obs, self.embed(table)[row])
+
+
+def make_task_encoder(config: NetworkConfig) -> nn.Module:
+    """The module that `config.task_encoder` names."""
+    if config.task_encoder == "transformer":
+        return TransformerTaskEncoder(config.transformer)
+    return OneHotTaskEncoder(config.one_hot_size)

@@ -1,0 +1,55 @@
+"""Task encoders: `TaskTable -> float32[rows, dim]`. The policy then reads `embedding[row]`.
+
+An encoder maps the table, not the batch: every distinct formula is encoded once per gradient step, however many samples
+of the batch are in that row. Learned and fixed representations are one program with another encoder.
+"""
+
+from typing import Protocol
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig
+
+
+class TaskEncoder(Protocol):
+    """What the actor-critic needs of a representation of tasks."""
+
+    def __call__(self, table: TaskTable) -> jax.Array:
+        """Encode every row of the table: float32[rows, dim]."""
+        ...
+
+
+class TransformerTaskEncoder(nn.Module):
+    """The formula itself, read by a Transformer (T1TL, T2TL)."""
+
+    config: TransformerConfig
+
+    @nn.compact
+    def __call__(self, table: TaskTable) -> jax.Array:
+        """float32[rows, config.output], in (-1, 1)."""
+        return TokenTransformer(self.config, table.vocabulary_size, name="transformer")(table.tokens, table.mask)
+
+
+class OneHotTaskEncoder(nn.Module):
+    """The state of the minimal automaton as a unit vector (the DFA and reward-machine baselines); no parameters."""
+
+    size: int
+
+    def __call__(self, table: TaskTable) -> jax.Array:
+        """float32[rows, size]; row k is the k-th unit vector."""
+        if table.num_rows > self.size:
+            raise ValueError(
+                f"a one-hot code of size {self.size} cannot tell {table.num_rows} rows apart; "
+                f"set network.one_hot_size to {table.num_rows} or more"
+            )
+        return jnp.eye(table.num_rows, self.size)
+
+
+def attention_weights(encoder: TransformerTaskEncoder, params: dict, table: TaskTable) -> jax.Array:
+    """Attention of every layer and head: float32[layers, rows, heads, L, L], query then key (padding has weight 0)."""
+    _, state = encoder.apply({"params": params}, table, mutable=["intermediates"])
+    layers = state["intermediates"]["transformer"]["encoder"]
+    return jnp.stack([layers[f"layer_{i}"]["attention"]["attention_weights"][0] for i in range(encoder.config.layers)])

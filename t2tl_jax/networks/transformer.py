@@ -1,0 +1,128 @@
+"""The Transformer encoder of the paper: tokens or vectors in, one vector out.
+
+Defaults are the paper's text (sinusoidal positions, pre-LN, padding masked out). Every departure of the authors' code is
+a switch: `norm="post"`, `positions="none"`, `masked=False`, `norm_after_pooling=True`, `t_fixup=True`.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import linen as nn
+
+from t2tl_jax.networks.initializers import joint_qkv, t_fixup_embedding, t_fixup_scale, unit_norm
+
+LAYER_NORM_EPSILON = 1e-5
+
+
+@dataclass(frozen=True)
+class TransformerConfig:
+    """Sizes and switches of one Transformer encoder."""
+
+    layers: int = 4
+    """Number of encoder layers."""
+    width: int = 64
+    """Size of a token's vector."""
+    heads: int = 8
+    """Attention heads; must divide the width."""
+    feed_forward: int = 256
+    """Hidden size of the position-wise network."""
+    output: int = 16
+    """Size of the encoded task (the paper: 16 in ZoneEnv, 32 in WaterWorld)."""
+    norm: Literal["pre", "post"] = "pre"
+    """Layer norm before each block (paper) or after it (published code)."""
+    positions: Literal["sinusoidal", "none"] = "sinusoidal"
+    """Positional encoding: sinusoidal (paper) or none (published code, blind to the order of tokens)."""
+    masked: bool = True
+    """Keep padding out of attention and pooling; False reproduces the published code."""
+    norm_after_pooling: bool = False
+    """One more layer norm between pooling and the output layer (published code)."""
+    t_fixup: bool = False
+    """T-Fixup scaling of the initial weights (published code)."""
+
+    def __post_init__(self) -> None:
+        if self.layers < 1:
+            raise ValueError(f"a Transformer needs at least one layer, got layers={self.layers}")
+        if self.heads < 1 or self.width % self.heads:
+            raise ValueError(f"heads must divide width, got width={self.width} and heads={self.heads}")
+
+
+def sinusoidal_positions(length: int, width: int) -> np.ndarray:
+    """float32[length, width]: sine in the even columns, cosine in the odd ones (Vaswani et al., 2017, section 3.5)."""
+    position = np.arange(length)[:, None]
+    frequency = 10_000.0 ** (-np.arange(0, width, 2) / width)
+    table = np.zeros((length, width), np.float32)
+    table[:, 0::2] = np.sin(position * frequency)
+    table[:, 1::2] = np.cos(position * frequency)[:, : width // 2]
+    return table
+
+
+class EncoderLayer(nn.Module):
+    """Self-attention and a position-wise network, each with a residual connection: x' = MSA(LN x) + x, MLP(LN x') + x'."""
+
+    config: TransformerConfig
+
+    @nn.compact
+    def __call__(self, x: jax.Array, mask: jax.Array) -> jax.Array:
+        """x [B, L, width], mask bool[B, L] -> [B, L, width]. Sows `attention_weights` [B, heads, L, L]."""
+        config = self.config
+        scale = t_fixup_scale(config.layers) if config.t_fixup else 1.0
+        attention = nn.MultiHeadDotProductAttention(
+            num_heads=config.heads,
+            kernel_init=joint_qkv(scale * 2**0.5 if config.t_fixup else 1.0),
+            out_kernel_init=unit_norm(scale),
+            name="attention",
+        )
+
+        def attend(y: jax.Array) -> jax.Array:
+            # Keys are masked; rows of padded queries are computed too, and dropped by the pooling.
+            return attention(y, mask=mask[:, None, None, :] if config.masked else None, sow_weights=True)
+
+        def feed_forward(y: jax.Array) -> jax.Array:
+            y = nn.relu(nn.Dense(config.feed_forward, kernel_init=unit_norm(scale), name="feed_forward_in")(y))
+            return nn.Dense(config.width, kernel_init=unit_norm(scale), name="feed_forward_out")(y)
+
+        norm_1 = nn.LayerNorm(epsilon=LAYER_NORM_EPSILON, name="norm_1")
+        norm_2 = nn.LayerNorm(epsilon=LAYER_NORM_EPSILON, name="norm_2")
+        if config.norm == "pre":
+            x = x + attend(norm_1(x))
+            return x + feed_forward(norm_2(x))
+        x = norm_1(x + attend(x))
+        return norm_2(x + feed_forward(x))
+
+
+class TransformerEncoder(nn.Module):
+    """Encoder layers, final layer norm, mean over the tokens, tanh head."""
+
+    config: TransformerConfig
+
+    @nn.compact
+    def __call__(self, x: jax.Array, mask: jax.Array) -> jax.Array:
+        """x [B, L, width] embedded tokens, mask bool[B, L] (True = a real token) -> [B, output] in (-1, 1)."""
+        config = self.config
+        if config.positions == "sinusoidal":
+            x = x + sinusoidal_positions(x.shape[1], config.width)
+        for layer in range(config.layers):
+            x = EncoderLayer(config, name=f"layer_{layer}")(x, mask)
+        x = nn.LayerNorm(epsilon=LAYER_NORM_EPSILON, name="final_norm")(x)
+        x = jnp.mean(x, axis=1, where=mask[:, :, None] if config.masked else None)
+        if config.norm_after_pooling:
+            x = nn.LayerNorm(epsilon=LAYER_NORM_EPSILON, name="pooled_norm")(x)
+        return jnp.tanh(nn.Dense(config.output, kernel_init=unit_norm(), name="output")(x))
+
+
+class TokenTransformer(nn.Module):
+    """A Transformer encoder over token ids."""
+
+    config: TransformerConfig
+    vocabulary_size: int
+
+    @nn.compact
+    def __call__(self, tokens: jax.Array, mask: jax.Array) -> jax.Array:
+        """tokens int32[B, L], mask bool[B, L] -> [B, output]."""
+        config = self.config
+        init = t_fixup_embedding(config.width, config.layers) if config.t_fixup else nn.initializers.normal(1.0)
+        embed = nn.Embed(self.vocabulary_size, config.width, embedding_init=init, name="word_embedding")
+        return TransformerEncoder(config, name="encoder")(embed(tokens), mask)

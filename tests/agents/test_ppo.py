@@ -1,0 +1,164 @@
+"""PPO: the replayed rollout has ratio 1, tables give the per-sample gradients, a probe is solved, seeds are independent."""
+
+import dataclasses
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from t2tl_jax.agents.ppo import Batch, PPOConfig, log_probability, make_ppo, ppo_loss
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.rollout import rollout
+from tests.probe import ProbeEnv
+
+NETWORK = NetworkConfig(
+    transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8),
+    env_layers=(16,),
+    actor_layers=(16,),
+    critic_layers=(16,),
+)
+PPO = PPOConfig(num_envs=16, rollout_steps=16, epochs=4, minibatch_size=64, discount=0.9, gae_lambda=0.9, learning_rate=3e-3)
+
+
+@pytest.fixture(scope="module")
+def env():
+    probe = ProbeEnv()
+    return TaskEnv(probe, compile_tasks(["F(Up & F(Down & F Up))"], probe.propositions, probe.alphabet))
+
+
+def make(env, iterations=60, **changes):
+    return make_ppo(env, NETWORK, dataclasses.replace(PPO, **changes), episode_length=20, iterations=iterations)
+
+
+def test_replaying_a_stored_rollout_gives_probability_ratio_one(env):
+    agent = make(env)
+    state = agent.init(jax.random.key(0))
+    network = ActorCritic(NETWORK, env.action_size)
+    embedding = agent.embed(state.params)
+
+    def policy(obs, row, key):
+        mean, std = network.apply(state.params, obs, embedding[row], method="policy")
+        action = mean + std * jax.random.normal(key, mean.shape)
+        return action, log_probability(mean, std, action)
+
+    _, transitions, _ = rollout(env, policy, state.episodes, jax.random.key(1), 32, 20, 0.9)
+    assert transitions.terminated.any()  # the rollout crosses episode ends
+    mean, std = network.apply(state.params, transitions.obs, embedding[transitions.row], method="policy")
+    ratio = jnp.exp(log_probability(mean, std, transitions.action) - transitions.log_prob)
+    np.testing.assert_allclose(ratio, 1.0, atol=1e-5)
+
+
+def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
+    table, network = env.table, ActorCritic(NETWORK, env.action_size)
+    keys = jax.random.split(jax.random.key(0), 6)
+    size = 128
+    batch = Batch(
+        obs=jax.random.normal(keys[0], (size, 3)),
+        row=jax.random.randint(keys[1], (size,), 0, table.num_rows),
+        action=jax.random.normal(keys[2], (size, 1)),
+        log_prob=jax.random.normal(keys[3], (size,)) - 1,
+        value=jax.random.normal(keys[4], (size,)),
+        advantage=jax.random.normal(keys[5], (size,)),
+    )
+    params = network.init(jax.random.key(1), table, batch.obs, batch.row, method="initialise")
+
+    def table_wise(params):
+        task = network.apply(params, table, method="embed")[batch.row]
+        return ppo_loss(PPO, network, params, task, batch)[0]
+
+    def sample_wise(params):
+        per_sample = table.replace(tokens=table.tokens[batch.row], mask=table.mask[batch.row])
+        return ppo_loss(PPO, network, params, network.apply(params, per_sample, method="embed"), batch)[0]
+
+    fast, slow = jax.grad(table_wise)(params), jax.grad(sample_wise)(params)
+    encoder = jax.tree.leaves(fast["params"]["task_encoder"])
+    assert max(float(jnp.abs(leaf).max()) for leaf in encoder) > 1e-3  # the encoder does learn from this loss
+    chex.assert_trees_all_close(fast, slow, atol=1e-5)
+
+
+def test_probe_is_solved_by_reading_the_formula(env):
+    agent = make(env)
+    state = jax.jit(agent.init)(jax.random.key(0))
+    iterate = jax.jit(agent.iterate)
+    for _ in range(60):
+        state, metrics = iterate(state)
+    totals = metrics.episodes
+    assert totals.successes >= 0.95 * totals.episodes
+    assert totals.length / totals.episodes < 4.5  # optimal 3; acting at random needs about 12
+    assert state.best_score > 0.6
+
+
+def test_one_hot_code_solves_the_probe_too(env):
+    agent = make_ppo(env, dataclasses.replace(NETWORK, task_encoder="one_hot"), PPO, episode_length=20, iterations=60)
+    state = jax.jit(agent.init)(jax.random.key(0))
+    iterate = jax.jit(agent.iterate)
+    for _ in range(60):
+        state, metrics = iterate(state)
+    assert metrics.episodes.length / metrics.episodes.episodes < 4.5
+
+
+def test_vmapped_seeds_equal_single_seeds(env):
+    agent = make(env)
+    keys = jax.random.split(jax.random.key(3), 3)
+    together = jax.jit(jax.vmap(agent.init))(keys)
+    iterate_all, iterate_one = jax.jit(jax.vmap(agent.iterate)), jax.jit(agent.iterate)
+    alone = jax.jit(agent.init)(keys[1])
+    for _ in range(3):
+        together, _ = iterate_all(together)
+        alone, _ = iterate_one(alone)
+    chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], together.params), alone.params, atol=1e-4)
+
+
+def test_iterations_compile_once(env):
+    agent = make(env)
+    iterate = jax.jit(chex.assert_max_traces(agent.iterate, n=1), donate_argnums=0)
+    state = jax.jit(agent.init)(jax.random.key(0))
+    for _ in range(3):
+        state, _ = iterate(state)
+    assert state.iteration == 3
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_time_limit_is_bootstrapped_unless_told_otherwise(terminal):
+    """No action matters and no reward comes: bootstrapped values keep their level, terminal time-outs pull it to 0."""
+    probe = ProbeEnv()
+    env = TaskEnv(probe, compile_tasks(["F(Up & Down)"], probe.propositions, "every_subset"))
+    config = dataclasses.replace(PPO, timeout_is_terminal=terminal, discount=1.0, gae_lambda=1.0, staggered_start=False)
+    agent = make_ppo(env, NETWORK, config, episode_length=8, iterations=30)
+    state = jax.jit(agent.init)(jax.random.key(1))
+    iterate = jax.jit(agent.iterate)
+    state, first = iterate(state)
+    for _ in range(30):
+        state, last = iterate(state)
+    start, end = abs(float(first.scalars["value"])), abs(float(last.scalars["value"]))
+    assert start > 0.2, "the untrained value should be clearly off zero for this test to say anything"
+    assert end < 0.1 * start if terminal else end > 0.5 * start
+
+
+def test_best_parameters_are_those_that_made_the_best_rollout(env):
+    agent = make(env)
+    iterate = jax.jit(agent.iterate)
+    state = jax.jit(agent.init)(jax.random.key(0))
+    best, best_params = -np.inf, None
+    for _ in range(10):
+        before = state.params
+        state, metrics = iterate(state)
+        score = float(metrics.episodes.discounted_return / metrics.episodes.episodes)
+        if score > best:
+            best, best_params = score, before
+    assert float(state.best_score) == pytest.approx(best)
+    chex.assert_trees_all_close(state.best_params, best_params)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [({"minibatch_size": 60}, "must divide"), ({"gae_lambda": 1.5}, "between 0 and 1")],
+)
+def test_impossible_settings_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(PPO, **changes)

@@ -1,0 +1,98 @@
+"""The Transformer: published size, what masking and positions promise, attention on request."""
+
+import dataclasses
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
+from t2tl_jax.networks.task_encoders import TransformerTaskEncoder, attention_weights
+from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig, sinusoidal_positions
+
+PUBLISHED = TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True)
+PROPOSITIONS = ("Black", "White", "Red", "Yellow")
+PHI_ZONE = "F(Red & F(Black & F Yellow))"
+
+
+def count(params) -> int:
+    return sum(leaf.size for leaf in jax.tree.leaves(params))
+
+
+def encode(config: TransformerConfig, tokens: list[list[int]], length: int) -> np.ndarray:
+    padded = np.array([row + [0] * (length - len(row)) for row in tokens], np.int32)
+    model = TokenTransformer(config, 22)
+    params = model.init(jax.random.key(0), padded, padded > 0)
+    return np.asarray(model.apply(params, padded, padded > 0))
+
+
+def test_published_t1tl_has_243_925_parameters():
+    table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one", length=25)
+    network = ActorCritic(NetworkConfig(transformer=PUBLISHED), action_size=2)
+    variables = network.init(jax.random.key(0), table, jnp.zeros((1, 76)), jnp.zeros(1, jnp.int32), method="initialise")
+    assert count(variables["params"]["task_encoder"]) == 202_640
+    assert count(variables["params"]["environment_encoder"]) == 18_112
+    assert count(variables) == 243_925
+
+
+def test_masked_encoding_does_not_depend_on_padding():
+    tokens = [[5, 3, 12, 5, 10], [5, 10]]
+    np.testing.assert_allclose(
+        encode(TransformerConfig(), tokens, 5), encode(TransformerConfig(), tokens, 40), atol=1e-5
+    )
+
+
+def test_published_encoding_depends_on_padding():
+    tokens = [[5, 3, 12, 5, 10]]
+    assert np.abs(encode(PUBLISHED, tokens, 5) - encode(PUBLISHED, tokens, 25)).max() > 1e-3
+
+
+def test_positions_tell_the_order_of_tokens_and_the_published_code_does_not():
+    swapped = [[5, 3, 12, 5, 10], [5, 3, 10, 5, 12]]
+    with_positions = encode(TransformerConfig(), swapped, 5)
+    without = encode(PUBLISHED, swapped, 5)
+    assert np.abs(with_positions[0] - with_positions[1]).max() > 1e-2
+    np.testing.assert_allclose(without[0], without[1], atol=1e-5)
+
+
+def test_sinusoidal_positions_follow_the_formula():
+    table = sinusoidal_positions(50, 64)
+    assert table[7, 10] == pytest.approx(np.sin(7 / 10_000 ** (10 / 64)), abs=1e-6)
+    assert table[7, 11] == pytest.approx(np.cos(7 / 10_000 ** (10 / 64)), abs=1e-6)
+
+
+@pytest.mark.parametrize("norm", ["pre", "post"])
+def test_output_is_bounded_and_differentiable(norm):
+    config = TransformerConfig(norm=norm)
+    table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one")
+    encoder = TransformerTaskEncoder(config)
+    params = encoder.init(jax.random.key(1), table)
+    out, gradient = jax.value_and_grad(lambda p: jnp.sum(encoder.apply(p, table) ** 2))(params)
+    assert out > 0
+    chex.assert_tree_all_finite(gradient)
+    norms = {jax.tree_util.keystr(path): float(jnp.abs(leaf).max()) for path, leaf in jax.tree.leaves_with_path(gradient)}
+    # A key bias shifts all of a query's scores alike, so softmax makes its gradient zero; everything else learns.
+    assert all(norm > 0 for name, norm in norms.items() if "['key']['bias']" not in name)
+
+
+def test_attention_weights_are_distributions_over_real_tokens():
+    table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one", length=12)
+    encoder = TransformerTaskEncoder(TransformerConfig(layers=2))
+    params = encoder.init(jax.random.key(0), table)["params"]
+    weights = attention_weights(encoder, params, table)
+    assert weights.shape == (2, table.num_rows, 8, 12, 12)
+    np.testing.assert_allclose(weights.sum(-1), 1.0, atol=1e-5)
+    padding = ~np.asarray(table.mask)[None, :, None, None, :]
+    assert np.abs(np.where(padding, weights, 0.0)).max() == 0.0
+
+
+def test_sizes_are_checked():
+    with pytest.raises(ValueError, match="heads must divide width"):
+        TransformerConfig(width=60)
+    with pytest.raises(ValueError, match="one_hot_size"):
+        table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one")
+        config = dataclasses.replace(NetworkConfig(), task_encoder="one_hot", one_hot_size=2)
+        ActorCritic(config, 2).init(jax.random.key(0), table, jnp.zeros(76), jnp.int32(2), method="initialise")

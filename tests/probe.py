@@ -1,0 +1,33 @@
+"""A labelled environment that a correct learner solves in seconds: the label is the sign of the action."""
+
+import jax
+import jax.numpy as jnp
+from brax.envs.base import State
+
+from envs.base import LabelledEnv
+
+
+class ProbeEnv(LabelledEnv):
+    """Propositions Up and Down hold after an action above 0.5 and below -0.5; the observation is a constant.
+
+    Only the formula's row tells which one is wanted, so a policy that ignores its task encoder cannot do well.
+    """
+
+    propositions = ("Up", "Down")
+    alphabet = "at_most_one"
+    num_actions = None
+    action_size = 1
+    observation_size = 3
+    backend = "none"
+
+    def reset(self, rng: jax.Array) -> State:
+        return self._state(jnp.float32(0))
+
+    def step(self, state: State, action: jax.Array) -> State:
+        return self._state(action[0].astype(jnp.float32))
+
+    def labels(self, state: State) -> jax.Array:
+        return jnp.stack([state.pipeline_state > 0.5, state.pipeline_state < -0.5])
+
+    def _state(self, last_action: jax.Array) -> State:
+        return State(last_action, jnp.ones(3), jnp.float32(0), jnp.float32(0))

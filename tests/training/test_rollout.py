@@ -1,0 +1,104 @@
+"""Advantages against a slow loop, and the bookkeeping of episodes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.episodes import advance, begin
+from t2tl_jax.training.rollout import generalised_advantages, rollout
+from tests.probe import ProbeEnv
+
+DISCOUNT, LAMBDA = 0.9, 0.8
+
+
+def slow_advantages(reward, value, next_value, terminated, truncated):
+    """The definition: a sum over later errors of the same episode, each weighted by (gamma lambda)^distance."""
+    steps = len(reward)
+    advantages = np.zeros(steps)
+    for t in range(steps):
+        weight = 1.0
+        for k in range(t, steps):
+            bootstrap = 0.0 if terminated[k] else next_value[k]
+            advantages[t] += weight * (reward[k] + DISCOUNT * bootstrap - value[k])
+            if terminated[k] or truncated[k]:
+                break
+            weight *= DISCOUNT * LAMBDA
+    return advantages
+
+
+def test_advantages_equal_a_slow_loop():
+    rng = np.random.default_rng(0)
+    shape = (40, 6)
+    reward, value, next_value = rng.normal(size=(3, *shape)).astype(np.float32)
+    terminated = rng.random(shape) < 0.1
+    truncated = (rng.random(shape) < 0.1) & ~terminated
+    fast = generalised_advantages(reward, value, next_value, terminated, truncated, DISCOUNT, LAMBDA)
+    slow = np.stack(
+        [slow_advantages(*(x[:, i] for x in (reward, value, next_value, terminated, truncated))) for i in range(6)], 1
+    )
+    np.testing.assert_allclose(fast, slow, atol=1e-4)
+
+
+@pytest.fixture
+def env():
+    probe = ProbeEnv()
+    return TaskEnv(probe, compile_tasks(["F(Up & F Down)"], probe.propositions, probe.alphabet))
+
+
+def play(env, actions, limit):
+    """Outcomes of a scripted action sequence in one environment."""
+    episode = begin(env, jax.random.key(0), limit)
+    outcomes = []
+    for action in actions:
+        episode, outcome = advance(env, episode, jnp.array([action]), jax.random.key(1), limit, DISCOUNT)
+        outcomes.append(outcome)
+    return episode, outcomes
+
+
+def test_success_terminates_and_the_next_episode_starts_with_the_whole_task(env):
+    episode, outcomes = play(env, [1.0, -1.0], limit=10)
+    assert not outcomes[0].terminated and outcomes[1].terminated and not outcomes[1].truncated
+    assert outcomes[1].reward == 1.0 and outcomes[1].next_row == 0  # the row of true, before the reset
+    assert outcomes[1].totals.successes == 1 and outcomes[1].totals.length == 2
+    np.testing.assert_allclose(outcomes[1].totals.discounted_return, DISCOUNT**1)
+    assert episode.elapsed == 0 and env.row(episode.state) == env.table.initial_row[0]
+
+
+def test_time_limit_truncates_and_keeps_the_last_row(env):
+    episode, outcomes = play(env, [1.0, 0.0, 0.0], limit=3)
+    last = outcomes[-1]
+    assert last.truncated and not last.terminated and last.reward == 0
+    assert last.next_row != env.table.initial_row[0]  # F Down was left
+    assert last.totals.timeouts == 1 and last.totals.successes == 0
+    assert env.row(episode.state) == env.table.initial_row[0]
+
+
+def test_verdict_on_the_last_step_is_a_termination(env):
+    _, outcomes = play(env, [1.0, -1.0], limit=2)
+    assert outcomes[-1].terminated and not outcomes[-1].truncated
+
+
+def test_episodes_that_start_in_a_later_row_are_not_counted():
+    probe = ProbeEnv()
+    table = compile_tasks(["F(Up & F Down)"], probe.propositions, probe.alphabet)
+    env = TaskEnv(probe, table, simultaneous=1.0)
+    episodes = jax.vmap(lambda key: begin(env, key, 10))(jax.random.split(jax.random.key(0), 200))
+    rows = np.asarray(env.row(episodes.state))
+    assert set(rows) == set(np.flatnonzero(np.asarray(table.verdict) == 0))
+    np.testing.assert_array_equal(episodes.counted, rows == int(table.initial_row[0]))
+
+
+def test_rollout_totals_are_sums_over_finished_episodes(env):
+    def policy(obs, row, key):
+        action = jnp.where(row == env.table.initial_row[0], 1.0, -1.0)[:, None]
+        return action, jnp.zeros(row.shape)
+
+    episodes = jax.vmap(lambda key: begin(env, key, 10))(jax.random.split(jax.random.key(0), 4))
+    _, transitions, totals = rollout(env, policy, episodes, jax.random.key(1), 10, 10, DISCOUNT)
+    assert transitions.obs.shape == (10, 4, 3)
+    assert totals.episodes == totals.successes == 4 * 5  # two steps each
+    assert totals.length == totals.success_length == 40
+    assert transitions.terminated.sum() == 20
