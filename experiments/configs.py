@@ -1,0 +1,97 @@
+"""Named configurations: a configuration is an instance of ``Config``, and ``CONFIGS`` holds those with a name."""
+
+import math
+import os
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+from tyro.constructors import PrimitiveConstructorSpec
+
+from envs.zones import EPISODE_LENGTH, ZoneConfig
+from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+
+
+def _whole_number(texts: list[str]) -> int:
+    try:
+        number = float(texts[0].replace("_", ""))
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number) or number != int(number):
+        raise ValueError(f"expected a whole number such as 200000 or 2e5, got {texts[0]!r}")
+    return int(number)
+
+
+Count = Annotated[
+    int,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="INT",
+        instance_from_str=_whole_number,
+        is_instance=lambda value: isinstance(value, int),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
+"""A whole number that may be written 2e5 on the command line."""
+
+
+def _default_cache() -> str:
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.join("~", ".cache")
+    return os.path.join(base, "t2tl_jax", "xla")
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """What happens around the training; none of it changes the numbers."""
+
+    folder: str = "runs"
+    """Runs are stored in FOLDER/<config>/<time>."""
+    checkpoint_period: float = 120.0
+    """Seconds between checkpoints; there is always one at the end."""
+    evaluation_episodes: Count = 100
+    """Episodes per seed and policy (deterministic, sampled) of the evaluation after training; 0 for none."""
+    gif: bool = True
+    """Draw one evaluated episode from above."""
+    progress: bool = True
+    """Show a progress bar."""
+    compilation_cache: str = field(default_factory=_default_cache)
+    """Folder where compiled programs are kept, so that the next run starts sooner; '' for none."""
+
+    def __post_init__(self) -> None:
+        if self.checkpoint_period < 0:
+            raise ValueError(f"checkpoint_period is in seconds and not negative, got {self.checkpoint_period}")
+        if self.evaluation_episodes < 0:
+            raise ValueError(f"evaluation_episodes must not be negative, got {self.evaluation_episodes}")
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything that a training run depends on."""
+
+    env: ZoneConfig = field(default_factory=ZoneConfig)
+    """The environment."""
+    task: str = "phi_zone"
+    """A task by name, or a formula such as 'F(Red & F White)'."""
+    simultaneous: float = 0.0
+    """Share of training episodes that start at a random sub-task of the formula; evaluation never does."""
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    """The networks."""
+    ppo: PPOConfig = field(default_factory=PPOConfig)
+    """The learner."""
+    frames: Count = 10_000_000
+    """Environment steps of every seed; rounded up to whole iterations."""
+    seeds: str = "1,"
+    """How many seeds (4 means 0, 1, 2, 3) or which (0,3,7; a single seed 7 is '7,'). All train in one program."""
+    episode_length: Count = EPISODE_LENGTH
+    """Time limit of an episode, in steps."""
+    run: RunConfig = field(default_factory=RunConfig)
+    """Files and displays."""
+
+    def __post_init__(self) -> None:
+        if self.frames < 1:
+            raise ValueError(f"frames must be at least 1, got {self.frames}")
+        if self.episode_length < 1:
+            raise ValueError(f"episode_length must be at least 1, got {self.episode_length}")
+        if not 0.0 <= self.simultaneous <= 1.0:
+            raise ValueError(f"simultaneous is a share of episodes between 0 and 1, got {self.simultaneous}")

@@ -1,0 +1,45 @@
+"""How a command of this package ends: a message that fits on one screen instead of a traceback."""
+
+import difflib
+import sys
+from collections.abc import Callable, Iterable
+
+INVALID = 2
+"""Exit code for input that cannot be used."""
+
+
+class UserError(Exception):
+    """Something the user gave cannot be used; the message says what, why, and the way out."""
+
+
+def nearest(given: str, known: Iterable[str]) -> str:
+    """The known name most like the given one, whatever the case of its letters."""
+    names = sorted(known)
+    folded = {name.lower(): name for name in names}
+    close = difflib.get_close_matches(given.lower(), folded, n=1, cutoff=0.0)
+    return folded[close[0]]
+
+
+def unknown(kind: str, given: str, known: Iterable[str]) -> UserError:
+    """The error for a name that does not exist, with the nearest one and all of them."""
+    names = sorted(known)
+    return UserError(f"unknown {kind} {given!r}; did you mean {nearest(given, names)!r}?\nKnown: {', '.join(names)}")
+
+
+def guarded(command: Callable[[], int]) -> int:
+    """Run a command and turn expected errors into a message and an exit code.
+
+    Returns:
+        What the command returns, ``INVALID`` after a ``UserError``, 130 after Ctrl-C outside of training.
+    """
+    try:
+        return command()
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return INVALID
+    except KeyboardInterrupt:
+        print("\nstopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough
+        sys.stderr.close()
+        return 0

@@ -1,0 +1,76 @@
+"""Learning curves as a picture."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from t2tl_jax.evaluation.statistics import bootstrap_band
+from t2tl_jax.training.metrics_file import by_seed, read_columns
+
+PANELS = (
+    ("success_rate", "success rate"),
+    ("discounted_return", "discounted return"),
+    ("length", "episode length (steps)"),
+)
+
+Curve = tuple[Sequence[float], Sequence[float]]
+
+
+def plot_learning_curves(
+    metrics: Path, target: Path, title: str = "", published: Mapping[str, Curve] | None = None
+) -> None:
+    """Draw the curves of a run: a thin line per seed, their mean, and its 95 % bootstrap interval over seeds.
+
+    Args:
+        metrics: a ``metrics.csv``.
+        target: the PNG to write.
+        title: above the panels.
+        published: curves ``(frames, discounted return)`` to compare with, by name.
+
+    Raises:
+        MetricsFileError: if there are no metrics to draw.
+    """
+    columns = read_columns(metrics)
+    # Without pyplot: no global state, no display, usable from any thread.
+    figure = Figure(figsize=(4.4 * len(PANELS), 3.6), layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    for axes, (name, label) in zip(figure.subplots(1, len(PANELS)), PANELS, strict=True):
+        _, frames, values = by_seed(columns, name)
+        centre, low, high = bootstrap_band(values)
+        if len(values) > 1:
+            for line in values:
+                axes.plot(frames, line, color="C0", linewidth=0.6, alpha=0.4)
+            axes.fill_between(frames, low, high, color="C0", alpha=0.2, linewidth=0)
+        marker = "o" if np.isfinite(centre).sum() == 1 else None
+        count = f"{len(values)} seeds" if len(values) > 1 else f"seed {int(columns['seed'][0])}"
+        axes.plot(frames, centre, color="C0", linewidth=1.8, marker=marker, label=count)
+        if name == "discounted_return":
+            for index, (curve, (x, y)) in enumerate((published or {}).items(), start=1):
+                axes.plot(x, y, color=f"C{index}", linestyle="--", linewidth=1.2, label=curve)
+        if name == "success_rate":
+            axes.set_ylim(-0.03, 1.03)
+        axes.set_xlabel("frames per seed")
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+        axes.legend(frameon=False, fontsize="small")
+    figure.suptitle(title, fontsize="medium")
+    canvas.print_png(str(target))
+
+
+def sparkline(values: np.ndarray, width: int = 32) -> str:
+    """A curve between 0 and 1 as a line of block characters; points without data are blank.
+
+    Args:
+        values: ``float[points]``, NaN where absent.
+        width: at most this many characters; each is the mean of the points that it covers.
+    """
+    blocks = "▁▂▃▄▅▆▇█"
+    text = ""
+    for part in np.array_split(values, min(width, len(values)) or 1):
+        known = part[np.isfinite(part)]
+        level = int(np.clip(known.mean(), 0, 1) * (len(blocks) - 1) + 0.5) if known.size else -1
+        text += blocks[level] if known.size else " "
+    return text

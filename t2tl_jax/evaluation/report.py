@@ -1,0 +1,140 @@
+"""What evaluated episodes amount to: rates, steps and returns with intervals, per seed and over seeds."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from t2tl_jax.evaluation.episodes import Episodes
+from t2tl_jax.evaluation.statistics import Estimate, mean, rate
+
+SOLVED = 0.95
+"""A seed solves its task when its success rate is above this."""
+
+
+@dataclass(frozen=True)
+class SeedReport:
+    """One policy of one seed; intervals are over its episodes."""
+
+    seed: int
+    """Number of the seed."""
+    success_rate: Estimate
+    """Share of episodes in which the formula became true; Wilson interval, as for the other rates."""
+    violation_rate: Estimate
+    """Share of episodes in which it became false."""
+    timeout_rate: Estimate
+    """Share of episodes cut by the time limit."""
+    success_length: Estimate
+    """Steps of the successful episodes; t interval."""
+    discounted_return: Estimate
+    """Mean of total reward x discount^(length - 1); t interval."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """One policy (deterministic or sampled) of all seeds of a run."""
+
+    seeds: tuple[SeedReport, ...]
+    """Each seed by itself."""
+    success_rate: Estimate
+    """Mean over seeds; t interval over seeds, as for the other means. None as interval with a single seed."""
+    violation_rate: Estimate
+    """Mean over seeds."""
+    timeout_rate: Estimate
+    """Mean over seeds."""
+    success_length: Estimate
+    """Mean over the seeds that succeeded at least once."""
+    discounted_return: Estimate
+    """Mean over seeds."""
+    solved: Estimate
+    """Share of seeds whose success rate exceeds 95 %; Wilson interval over seeds."""
+
+    def as_json(self) -> dict[str, Any]:
+        """The same as nested dictionaries, lists, numbers and None."""
+        return asdict(self)
+
+
+def summarise(episodes: Episodes, seeds: Sequence[int], discount: float) -> Report:
+    """Estimates from the outcomes of every seed.
+
+    Args:
+        episodes: on the host, ``[seeds, episodes]``.
+        seeds: their numbers.
+        discount: gamma of the discounted return.
+    """
+    reports = tuple(
+        _seed_report(seed, Episodes(*(np.asarray(part)[index] for part in _parts(episodes))), discount)
+        for index, seed in enumerate(seeds)
+    )
+
+    def over_seeds(name: str, lowest: float = float("-inf"), highest: float = float("inf")) -> Estimate:
+        values = [getattr(report, name).value for report in reports]
+        return mean([value for value in values if value is not None], lowest, highest)
+
+    solving = sum((report.success_rate.value or 0.0) > SOLVED for report in reports)
+    return Report(
+        seeds=reports,
+        success_rate=over_seeds("success_rate", 0.0, 1.0),
+        violation_rate=over_seeds("violation_rate", 0.0, 1.0),
+        timeout_rate=over_seeds("timeout_rate", 0.0, 1.0),
+        success_length=over_seeds("success_length", lowest=0.0),
+        discounted_return=over_seeds("discounted_return"),
+        solved=rate(solving, len(reports)),
+    )
+
+
+def table(reports: Mapping[str, Report]) -> str:
+    """A table to print: one line per policy and seed, and one over the seeds.
+
+    Args:
+        reports: by the name of the policy, for instance ``{"deterministic": ..., "sampled": ...}``.
+    """
+    header = ("policy", "seed", "success", "violation", "time-out", "steps on success", "discounted return")
+    lines: list[tuple[str, ...]] = [header]
+    for policy, report in reports.items():
+        lines += [(policy, str(seed.seed), *_cells(seed)) for seed in report.seeds]
+        if len(report.seeds) > 1:
+            lines.append((policy, "mean", *_cells(report)))
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    text = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
+    text.insert(1, "  ".join("-" * width for width in widths))
+    for policy, report in reports.items():
+        solved = round((report.solved.value or 0.0) * report.solved.count)
+        text.append(
+            f"{policy}: {solved} of {report.solved.count} seeds solve the task (success above {SOLVED:.0%}),"
+            f" mean discounted return {report.discounted_return.text()}"
+            if len(report.seeds) > 1
+            else f"{policy}: the task is {'solved' if solved else 'not solved'} (success above {SOLVED:.0%}),"
+            f" discounted return {report.seeds[0].discounted_return.text()}"
+        )
+    text.append("Brackets: 95 % intervals, over the episodes of a seed and, in the lines 'mean', over seeds.")
+    return "\n".join(text)
+
+
+def _seed_report(seed: int, episodes: Episodes, discount: float) -> SeedReport:
+    success, violation, total_reward, length = _parts(episodes)
+    count = len(success)
+    returns = total_reward.astype(np.float64) * discount ** (length.astype(np.float64) - 1)
+    return SeedReport(
+        seed=seed,
+        success_rate=rate(int(success.sum()), count),
+        violation_rate=rate(int(violation.sum()), count),
+        timeout_rate=rate(int((~success & ~violation).sum()), count),
+        success_length=mean(length[success], lowest=1.0),
+        discounted_return=mean(returns),
+    )
+
+
+def _parts(episodes: Episodes) -> tuple[Any, Any, Any, Any]:
+    return episodes.success, episodes.violation, episodes.total_reward, episodes.length
+
+
+def _cells(report: SeedReport | Report) -> tuple[str, ...]:
+    return (
+        report.success_rate.text(),
+        report.violation_rate.text(),
+        report.timeout_rate.text(),
+        report.success_length.text(1),
+        report.discounted_return.text(),
+    )
