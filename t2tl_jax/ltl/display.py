@@ -1,0 +1,144 @@
+"""The shortest text of a state: its disjunctive normal form, factored back into a nested formula."""
+
+from functools import reduce
+from operator import and_, or_
+
+from t2tl_jax.ltl.core import AND, EVENTUALLY, LITERAL, NEXT, OR, UNTIL, Core
+from t2tl_jax.ltl.states import Progression, State
+from t2tl_jax.ltl.tokens import FIRST_PROPOSITION, OPERATOR_ID
+
+Tokens = tuple[int, ...]
+
+_PREFIX = {NEXT: OPERATOR_ID["next"], EVENTUALLY: OPERATOR_ID["eventually"], UNTIL: OPERATOR_ID["until"]}
+
+
+class Display:
+    """Texts of the formulas of one compilation, as token ids.
+
+    Args:
+        core: the formulas.
+        token_of: per proposition index of `core`, the index of that proposition in the environment.
+    """
+
+    def __init__(self, core: Core, token_of: list[int]) -> None:
+        self.core = core
+        self._proposition = [FIRST_PROPOSITION + index for index in token_of]
+        self._tokens: dict[int, Tokens] = {0: (OPERATOR_ID["False"],), 1: (OPERATOR_ID["True"],)}
+
+    def tokens(self, number: int) -> Tokens:
+        """Return a formula's token ids in prefix order."""
+        tokens = self._tokens.get(number)
+        if tokens is None:
+            kind, args = self.core.kind[number], self.core.args[number]
+            if kind == LITERAL:
+                name = self._proposition[args[0]]
+                tokens = (name,) if args[1] else (OPERATOR_ID["not"], name)
+            elif kind in (AND, OR):
+                tokens = _nested(OPERATOR_ID["and" if kind == AND else "or"], [self.tokens(arg) for arg in args])
+            else:
+                tokens = sum([self.tokens(arg) for arg in args], (_PREFIX[kind],))
+            self._tokens[number] = tokens
+        return tokens
+
+    def rank(self, number: int) -> tuple[int, Tokens]:
+        """Return the sort key that puts short formulas first; ties go by token ids, so the order is total."""
+        tokens = self.tokens(number)
+        return len(tokens), tokens
+
+    def shortest(self, progression: Progression, state: State) -> int:
+        """Return a short formula equal to the state."""
+        if not state:
+            return 0
+        return self._factor(progression, sorted(progression.irredundant(term) for term in state))
+
+    def _factor(self, progression: Progression, terms: list[int]) -> int:
+        """Return a formula equal to the disjunction of `terms`, none of which contains another."""
+        if len(terms) == 1:
+            return self._conjunction(_atoms(progression, terms[0]))
+        common = reduce(and_, terms)
+        if common:
+            rest = self._factor(progression, [term ^ common for term in terms])
+            return self._conjunction([*_atoms(progression, common), rest])
+        components = _components(terms)
+        if len(components) > 1:
+            return self._disjunction([self._factor(progression, part) for part in components])
+        # Divide by the most frequent atom's cofactor: terms = divisor * quotient, or the remainder.
+        counts: dict[int, int] = {}
+        for term in terms:
+            while term:
+                low = term & -term
+                counts[low] = counts.get(low, 0) + 1
+                term ^= low
+        frequent = max(counts, key=lambda bit: (counts[bit], -bit))
+        quotient = [term for term in terms if term & frequent]
+        common = reduce(and_, quotient)
+        quotient = [term ^ common for term in quotient]
+        divisor = reduce(and_, [{term ^ q for term in terms if term & q == q} for q in quotient])
+        product = {d | q for d in divisor for q in quotient}
+        parts = [
+            self._conjunction([self._factor(progression, sorted(divisor)), self._factor(progression, quotient)]),
+        ]
+        remainder = [term for term in terms if term not in product]
+        if remainder:
+            parts.append(self._factor(progression, remainder))
+        return self._disjunction(parts)
+
+    def _conjunction(self, numbers: list[int]) -> int:
+        return self._join(AND, numbers)
+
+    def _disjunction(self, numbers: list[int]) -> int:
+        return self._join(OR, numbers)
+
+    def _join(self, kind: int, numbers: list[int]) -> int:
+        """Join operands in order of rank, merging those that share an operator: `X a & X b` = `X(a & b)`."""
+        core = self.core
+        combine = core.conjunction if kind == AND else core.disjunction
+        if len(numbers) == 1:
+            return numbers[0]
+        groups: dict[tuple[int, int], list[int]] = {}
+        for number in sorted(core._flatten(kind, numbers), key=self.rank):
+            groups.setdefault(self._merge_key(kind, number), []).append(number)
+        merged = [self._merge(kind, group) if len(group) > 1 else group[0] for group in groups.values()]
+        return combine(sorted(merged, key=self.rank))
+
+    def _merge_key(self, kind: int, number: int) -> tuple[int, int]:
+        kind_of, args = self.core.kind[number], self.core.args[number]
+        if kind_of == NEXT or (kind_of == EVENTUALLY and kind == OR):
+            return kind_of, -1
+        if kind_of == UNTIL:
+            # (a U c) & (b U c) share the right side, (a U b) | (a U c) the left.
+            return kind_of, args[1] if kind == AND else args[0]
+        return -1, number
+
+    def _merge(self, kind: int, group: list[int]) -> int:
+        core = self.core
+        kind_of, args = core.kind[group[0]], core.args[group[0]]
+        if kind_of == UNTIL and kind == AND:
+            return core.until(self._conjunction([core.args[x][0] for x in group]), args[1])
+        inner = self._join(kind, [core.args[x][-1] for x in group])
+        if kind_of == UNTIL:
+            return core.until(args[0], inner)
+        return core.next(inner) if kind_of == NEXT else core.eventually(inner)
+
+
+def _atoms(progression: Progression, term: int) -> list[int]:
+    return [number for index, number in enumerate(progression.atoms) if term >> index & 1]
+
+
+def _components(terms: list[int]) -> list[list[int]]:
+    """Split terms into groups that share no atom."""
+    groups: list[tuple[int, list[int]]] = []
+    for term in terms:
+        touching = [group for group in groups if group[0] & term]
+        groups = [group for group in groups if not group[0] & term]
+        bits = reduce(or_, [group[0] for group in touching], term)
+        groups.append((bits, [member for group in touching for member in group[1]] + [term]))
+    return [sorted(members) for _, members in groups]
+
+
+def _nested(operator: int, parts: list[Tokens]) -> Tokens:
+    """Join operands by a binary operator: nested to the left, or balanced when there are too many for that."""
+    if len(parts) > 64:
+        half = len(parts) // 2
+        return (operator, *_nested(operator, parts[:half]), *_nested(operator, parts[half:]))
+    return sum(parts, (operator,) * (len(parts) - 1))

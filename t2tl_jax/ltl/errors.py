@@ -1,0 +1,59 @@
+"""Errors about formulas and tasks: each says what was given, what was expected, and the way out."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class LTLError(ValueError):
+    """Base class of every error that a formula, a task name or a table can cause."""
+
+
+class LTLSyntaxError(LTLError):
+    """Malformed formula text; the message shows the line with a caret under the place.
+
+    Attributes:
+        text: the whole formula text.
+        position: index into `text` at which reading failed.
+        expected: what could have stood there, in words.
+    """
+
+    def __init__(self, problem: str, text: str, position: int, expected: str = "") -> None:
+        self.text, self.position, self.expected = text, position, expected
+        hint = f"\nexpected {expected}" if expected else ""
+        super().__init__(f"{problem}\n{caret(text, position)}{hint}")
+
+
+class NotCoSafeError(LTLError):
+    """The formula is not syntactically co-safe: no finite word can make it true."""
+
+
+class UnknownPropositionError(LTLError):
+    """A formula speaks of a proposition that the environment does not have."""
+
+
+class UnknownTaskError(LTLError):
+    """No task, task family or sampler has this name."""
+
+
+class TooLargeError(LTLError):
+    """A bound on size, nesting, rows or work was reached; the message names the bound."""
+
+
+def caret(text: str, position: int, width: int = 100) -> str:
+    """Return the line of `text` that holds `position`, and below it a caret; long lines are cut to `width`."""
+    start = text.rfind("\n", 0, position) + 1
+    end = text.find("\n", position)
+    line = (text[start:] if end < 0 else text[start:end]).replace("\t", " ")
+    column = position - start
+    first = max(0, min(column - width // 2, len(line) - width))
+    left = "..." if first else ""
+    right = "..." if first + width < len(line) else ""
+    shown = left + line[first : first + width] + right
+    return f"  {shown}\n  {' ' * (column - first + len(left))}^"
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return `; did you mean "..."?` for the closest of `known`, or nothing when none is close."""
+    by_lower = {candidate.lower(): candidate for candidate in known}
+    close = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.5)
+    return f'; did you mean "{by_lower[close[0]]}"?' if close else ""

@@ -1,0 +1,160 @@
+"""The task table: LTL tasks as arrays, so that a task state is one row number and progression is one gather."""
+
+from collections.abc import Iterable, Sequence
+
+import flax.struct
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from t2tl_jax.ltl import tokens as vocabulary
+from t2tl_jax.ltl.automaton import Automaton, build
+from t2tl_jax.ltl.budget import MAX_ROWS
+from t2tl_jax.ltl.diagrams import AT_MOST_ONE
+from t2tl_jax.ltl.errors import TooLargeError
+from t2tl_jax.ltl.formula import Formula
+
+
+@flax.struct.dataclass
+class TaskTable:
+    """Every formula that progression can reach from a set of tasks, one row each.
+
+    Rows are classes of formulas with the same meaning; each shows its shortest formula. Row 0 is true, row 1 is false.
+    Only names are static: two tables of equal shapes over the same propositions share one compiled program.
+
+    Attributes:
+        tokens: int32 `[rows, length]`, token ids in prefix order, padded with 0 on the right.
+        mask: bool `[rows, length]`, True at tokens, False at padding.
+        next_row: int32 `[rows, letters]`, the row that each letter leads to.
+        verdict: int8 `[rows]`, +1 when every continuation satisfies the row, -1 when none does, 0 while open.
+        initial_row: int32 `[tasks]`, the row in which each task starts.
+        letter_weights: int32 `[P]`, how labels become letters; 0 for propositions that no formula uses.
+        propositions: the environment's propositions, in its order (static).
+        alphabet: "every_subset" or "at_most_one" (static).
+    """
+
+    tokens: jax.Array
+    mask: jax.Array
+    next_row: jax.Array
+    verdict: jax.Array
+    initial_row: jax.Array
+    letter_weights: jax.Array
+    propositions: tuple[str, ...] = flax.struct.field(pytree_node=False)
+    alphabet: str = flax.struct.field(pytree_node=False)
+
+    # ----- inside jit -----
+
+    def letter(self, labels: jax.Array) -> jax.Array:
+        """Return the letter of each label vector.
+
+        With "at_most_one", a vector with several true propositions gets the letter of the last of them, in the
+        environment's order, that the formulas use.
+
+        Args:
+            labels: bool `[..., P]`, which of the environment's propositions are true.
+
+        Returns:
+            int32 `[...]`, a column of `next_row`.
+        """
+        weights = jnp.where(jnp.asarray(labels, bool), self.letter_weights, 0)
+        letter = weights.max(-1, initial=0) if self.alphabet == AT_MOST_ONE else weights.sum(-1)
+        return letter.astype(jnp.int32)
+
+    def progress(self, row: jax.Array, letter: jax.Array) -> jax.Array:
+        """Return the rows int32 `[...]` that follow `row` after `letter` (both int32 `[...]`)."""
+        return self.next_row[row, letter]
+
+    def reward(self, row: jax.Array) -> jax.Array:
+        """Return float32 `[...]`: +1 for a true row, -1 for a false one, 0 while the task is open."""
+        return self.verdict[row].astype(jnp.float32)
+
+    # ----- on the host -----
+
+    @property
+    def num_rows(self) -> int:
+        """Rows of the table, true and false included."""
+        return self.tokens.shape[-2]
+
+    @property
+    def num_tasks(self) -> int:
+        """Tasks that start in this table."""
+        return self.initial_row.shape[-1]
+
+    @property
+    def num_letters(self) -> int:
+        """Columns of `next_row`."""
+        return self.next_row.shape[-1]
+
+    @property
+    def vocabulary_size(self) -> int:
+        """Rows that an embedding of the tokens needs; depends on the environment's propositions only."""
+        return vocabulary.vocabulary_size(len(self.propositions))
+
+    def formula(self, row: int) -> Formula:
+        """Return the formula that a row shows (not inside jit)."""
+        return vocabulary.decode(np.asarray(self.tokens[row]).tolist(), self.propositions)
+
+    def automaton(self) -> Automaton:
+        """Return the same content as NumPy arrays, without padding (not inside jit)."""
+        rows = [tuple(t for t in row if t != vocabulary.PADDING) for row in np.asarray(self.tokens).tolist()]
+        weights = np.asarray(self.letter_weights)
+        return Automaton(
+            tokens=tuple(rows),
+            next_row=np.asarray(self.next_row),
+            verdict=np.asarray(self.verdict),
+            initial_row=np.asarray(self.initial_row),
+            letter_weights=weights,
+            propositions=self.propositions,
+            used=tuple(name for name, weight in zip(self.propositions, weights, strict=True) if weight),
+            alphabet=self.alphabet,
+        )
+
+    def describe(self) -> str:
+        """Return a readable listing: each row's formula, verdict, and transitions (not inside jit)."""
+        from t2tl_jax.ltl.describe import describe  # only a person waits for it
+
+        return describe(self.automaton())
+
+
+def compile_tasks(
+    formulas: str | Formula | Iterable[str | Formula],
+    propositions: Sequence[str],
+    alphabet: str = "every_subset",
+    *,
+    length: int | None = None,
+    max_rows: int = MAX_ROWS,
+) -> TaskTable:
+    """Compile co-safe LTL tasks to a table, on the host.
+
+    Args:
+        formulas: one or more formulas, as text or parsed. Rows are shared between tasks.
+        propositions: the environment's propositions, in its order; they fix the token ids and the order of labels.
+        alphabet: "every_subset" (2^n letters for n used propositions) or "at_most_one" (n + 1 letters; for
+            environments where at most one proposition is true at each step).
+        length: tokens per row; by default those of the longest row.
+        max_rows: refuse tasks with more rows than this.
+
+    Raises:
+        LTLSyntaxError, NotCoSafeError, UnknownPropositionError: as the formulas deserve.
+        TooLargeError: too many rows, letters or nodes, or a row that does not fit into `length`.
+    """
+    automaton = build(formulas, propositions, alphabet, max_rows=max_rows)
+    longest = max(len(row) for row in automaton.tokens)
+    if length is None:
+        length = longest
+    elif length < longest:
+        raise TooLargeError(f"the longest row has {longest} tokens and does not fit into length={length}")
+    tokens = np.zeros((len(automaton.tokens), length), np.int32)
+    for index, row in enumerate(automaton.tokens):
+        tokens[index, : len(row)] = row
+    arrays = jax.device_put(
+        (
+            tokens,
+            tokens != vocabulary.PADDING,
+            automaton.next_row,
+            automaton.verdict,
+            automaton.initial_row,
+            automaton.letter_weights,
+        )
+    )
+    return TaskTable(*arrays, propositions=automaton.propositions, alphabet=automaton.alphabet)
