@@ -16,6 +16,7 @@ from flax import struct
 from envs import zone_layouts, zone_sensors
 from envs.base import Alphabet, LabelledEnv, State
 from envs.point_closed_form import ClosedFormPoint
+from envs.point_mjx import MjxPoint
 from envs.point_robot import PointPhysics, PointState
 
 EPISODE_LENGTH = 1000
@@ -179,9 +180,7 @@ class ZoneEnv(LabelledEnv):
 
 def _make_physics(name: str) -> PointPhysics:
     """What moves the robot."""
-    if name == "closed_form":
-        return ClosedFormPoint()
-    raise NotImplementedError("MJX physics is not ready yet; use physics='closed_form'")
+    return MjxPoint() if name == "mjx" else ClosedFormPoint()
 
 
 def _positions(colours: str, letter: str) -> tuple[int, ...]:
