@@ -14,11 +14,11 @@ from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.minimise import merge, settle
 from t2tl_jax.ltl.normal_form import negation_normal_form
 from t2tl_jax.ltl.parser import parse
-from t2tl_jax.ltl.states import Leaves, Progression
+from t2tl_jax.ltl.states import Leaves, Progression, State
 from t2tl_jax.ltl.tokens import decode
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Automaton:
     """The minimal automaton of one or more tasks; row 0 is true and row 1 is false.
 
@@ -68,69 +68,32 @@ def build(
     tasks = [formulas] if isinstance(formulas, str | Formula) else list(formulas)
     normal = [negation_normal_form(parse(task) if isinstance(task, str) else task) for task in tasks]
     names, used = _check(normal, propositions, alphabet)
-    core = Core([names[index] for index in used])
     budget = Budget(max_rows=max_rows)
-    leaves = Leaves(diagrams := Diagrams(alphabet))
+    core = Core([names[index] for index in used])
+    roots = [core.add(formula) for formula in normal]
 
-    # EXPLORE: each task with its own atoms, all in the same diagrams.
-    diagram_of: dict[int, int] = {0: 0, 1: 1}
-    owner: dict[int, Progression] = {}
-    roots: list[tuple[int, int]] = []
-    started: dict[int, int] = {}
-    for formula in normal:
-        number = core.add(formula)
-        if number not in started:
-            progression = Progression(core, number, leaves, budget)
-            started[number] = progression.leaf_of(progression.root)
-            _explore(progression, started[number], diagram_of, owner, leaves, budget)
-        roots.append((number, started[number]))
-
-    # MERGE: verdicts, then classes of states that no word tells apart.
+    explored = _explore(core, roots, alphabet, budget)
+    diagrams, diagram_of = explored.diagrams, explored.diagram_of
     good, bad = settle({state: diagrams.leaves(node) for state, node in diagram_of.items()})
     classes = merge(diagrams, diagram_of, good, bad)
-    representative: dict[int, int] = {}
-    for state in diagram_of:
-        representative.setdefault(classes[state], state)
-    count = max(2, len(representative) + (0 not in representative) + (1 not in representative))
-    budget.check_rows(count)
+    budget.check_rows(max(classes.values()) + 1)
 
-    # SHOW: the shortest member of each class.
-    display = Display(core, used)
-    shown: list[Tokens] = [display.tokens(1), display.tokens(0)] + [()] * (count - 2)
-    candidates = [(classes[state], display.shortest(owner[state], leaves.state_of[state])) for state in owner]
-    candidates += [(classes[state], number) for number, state in roots]
-    for number_of_class, number in candidates:
-        if number_of_class > 1:
-            tokens = display.tokens(number)
-            old = shown[number_of_class]
-            if not old or (len(tokens), tokens) < (len(old), old):
-                shown[number_of_class] = tokens
-
-    # WRITE: class 0 (false) is row 1, class 1 (true) is row 0.
-    letters = len(used) + 1 if alphabet == AT_MOST_ONE else 2 ** len(used)
-    if letters * count > MAX_CELLS:
-        hint = "" if alphabet == AT_MOST_ONE else f'; the alphabet "{AT_MOST_ONE}" needs {len(used) + 1} letters only'
-        raise TooLargeError(
-            f"{count:,} rows of {letters:,} letters ({len(used)} propositions used) are more than "
-            f"{MAX_CELLS:,} entries (budget.MAX_CELLS){hint}"
-        )
+    shown = _shortest_formulas(Display(core, used), roots, explored, classes)
+    row_of_class = _order_rows(explored, classes, shown)
+    diagram_of_row = [1, 0] + [0] * (len(row_of_class) - 2)
     row_of_leaf = np.zeros(len(diagrams.variable), np.int32)
-    for state, number_of_class in classes.items():
-        row_of_leaf[state] = _row(number_of_class)
-    by_row = [0] * count
-    for number_of_class, state in representative.items():
-        by_row[_row(number_of_class)] = diagram_of[state]
-    by_row[0], by_row[1] = 1, 0
-    row_of_leaf[1], row_of_leaf[0] = 0, 1
-    verdict = np.zeros(count, np.int8)
-    verdict[0], verdict[1] = 1, -1
+    for state, number in classes.items():
+        row_of_leaf[state] = row_of_class[number]
+        if number > 1:
+            diagram_of_row[row_of_class[number]] = diagram_of[state]
     weights = np.zeros(len(names), np.int32)
     weights[used] = [j + 1 if alphabet == AT_MOST_ONE else 2**j for j in range(len(used))]
+    _check_cells(len(row_of_class), len(used), alphabet)
     return Automaton(
-        tokens=tuple(shown),
-        next_row=row_of_leaf[diagrams.table(by_row, len(used))],
-        verdict=verdict,
-        initial_row=np.array([_row(classes[state]) for _, state in roots], np.int32),
+        tokens=tuple(shown[number] for number in sorted(row_of_class, key=lambda number: row_of_class[number])),
+        next_row=row_of_leaf[diagrams.table(diagram_of_row, len(used))],
+        verdict=np.array([1, -1] + [0] * (len(row_of_class) - 2), np.int8),
+        initial_row=np.array([row_of_class[classes[explored.start[root]]] for root in roots], np.int32),
         letter_weights=weights,
         propositions=names,
         used=tuple(names[index] for index in used),
@@ -138,27 +101,83 @@ def build(
     )
 
 
-def _explore(
-    progression: Progression,
-    start: int,
-    diagram_of: dict[int, int],
-    owner: dict[int, Progression],
-    leaves: Leaves,
-    budget: Budget,
-) -> None:
-    """Add every state that progression reaches from `start`, breadth first."""
-    queue = [start]
-    for state in queue:
-        if state in diagram_of:
+@dataclass(frozen=True)
+class _Explored:
+    """All states that progression reaches. A state is the leaf that stands for it in the diagrams."""
+
+    diagrams: Diagrams
+    terms: dict[int, State]
+    diagram_of: dict[int, int]
+    """Per state, the diagram of its successors."""
+    owner: dict[int, Progression]
+    """Per state other than true and false, the task whose atoms its terms speak of."""
+    start: dict[int, int]
+    """Per task (a core number), its first state."""
+
+
+def _explore(core: Core, roots: list[int], alphabet: str, budget: Budget) -> _Explored:
+    """Close the tasks under progression, breadth first; each task has its own atoms, all share the diagrams."""
+    diagrams = Diagrams(alphabet)
+    leaves = Leaves(diagrams)
+    explored = _Explored(diagrams, leaves.state_of, {0: 0, 1: 1}, {}, {})
+    for root in dict.fromkeys(roots):
+        progression = Progression(core, root, leaves, budget)
+        queue = [progression.leaf_of(progression.root)]
+        explored.start[root] = queue[0]
+        for state in queue:
+            if state in explored.diagram_of:
+                continue
+            explored.owner[state] = progression
+            node = progression.successors(explored.terms[state])
+            explored.diagram_of[state] = node
+            queue.extend(sorted(diagrams.leaves(node) - explored.diagram_of.keys()))
+            budget.check_states(len(explored.diagram_of))
+    return explored
+
+
+def _shortest_formulas(
+    display: Display, roots: list[int], explored: _Explored, classes: dict[int, int]
+) -> dict[int, Tokens]:
+    """Return per class the token ids of its shortest member; the tasks as written are candidates too."""
+    shown = {0: display.tokens(0), 1: display.tokens(1)}
+    candidates = [
+        (classes[state], display.shortest(progression, explored.terms[state]))
+        for state, progression in explored.owner.items()
+        if classes[state] > 1
+    ]
+    candidates += [(classes[explored.start[root]], root) for root in roots]
+    for number, formula in candidates:
+        tokens = display.tokens(formula)
+        old = shown.get(number)
+        if old is None or (len(tokens), tokens) < (len(old), old):
+            shown[number] = tokens
+    return shown
+
+
+def _order_rows(explored: _Explored, classes: dict[int, int], shown: dict[int, Tokens]) -> dict[int, int]:
+    """Return per class its row: true, false, then breadth first from the tasks, longer formulas first."""
+    member: dict[int, int] = {}
+    for state in explored.diagram_of:
+        member.setdefault(classes[state], state)
+    rows = {1: 0, 0: 1}
+    queue = [classes[state] for state in explored.start.values()]
+    for number in queue:
+        if number in rows and number > 1:
             continue
-        owner[state] = progression
-        diagram_of[state] = progression.successors(leaves.state_of[state])
-        queue.extend(sorted(leaves.diagrams.leaves(diagram_of[state]) - diagram_of.keys()))
-        budget.check_states(len(diagram_of))
+        rows.setdefault(number, len(rows))
+        following = {classes[s] for s in explored.diagrams.leaves(explored.diagram_of[member[number]])} - rows.keys()
+        queue.extend(sorted(following, key=lambda other: (-len(shown[other]), shown[other])))
+    return rows
 
 
-def _row(number_of_class: int) -> int:
-    return (1, 0)[number_of_class] if number_of_class < 2 else number_of_class
+def _check_cells(rows: int, num_used: int, alphabet: str) -> None:
+    letters = num_used + 1 if alphabet == AT_MOST_ONE else 2**num_used
+    if rows * letters > MAX_CELLS:
+        hint = "" if alphabet == AT_MOST_ONE else f'; the alphabet "{AT_MOST_ONE}" needs {num_used + 1} letters only'
+        raise TooLargeError(
+            f"{rows:,} rows of {letters:,} letters ({num_used} propositions used) are more than "
+            f"{MAX_CELLS:,} entries (budget.MAX_CELLS){hint}"
+        )
 
 
 def _check(formulas: list[Formula], propositions: Sequence[str], alphabet: str) -> tuple[tuple[str, ...], list[int]]:
@@ -180,9 +199,9 @@ def _check(formulas: list[Formula], propositions: Sequence[str], alphabet: str) 
             raise unknown_proposition(name, names)
     if len(mentioned) > MAX_PROPOSITIONS or (alphabet == EVERY_SUBSET and 2 ** len(mentioned) > MAX_CELLS // 3):
         raise TooLargeError(
-            f"the tasks use {len(mentioned)} propositions; the limit is {MAX_PROPOSITIONS} (budget.MAX_PROPOSITIONS), and "
-            f'with "{EVERY_SUBSET}" each doubles the letters (budget.MAX_CELLS): where the environment makes at most one '
-            f'true at a time, use the alphabet "{AT_MOST_ONE}"'
+            f"the tasks use {len(mentioned)} propositions; the limit is {MAX_PROPOSITIONS} (budget.MAX_PROPOSITIONS), "
+            f'and with "{EVERY_SUBSET}" each doubles the letters (budget.MAX_CELLS): where the environment makes at '
+            f'most one true at a time, use the alphabet "{AT_MOST_ONE}"'
         )
     return names, [index for index, name in enumerate(names) if name in mentioned]
 

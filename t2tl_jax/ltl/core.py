@@ -130,7 +130,7 @@ class Core:
         return self.make(UNTIL, (left, right))
 
     def _assuming_not(self, left: int, right: int) -> int:
-        """Return a shorter formula equal to `left` wherever `right` is false: `(a | b) U b`, `(a & !b) U b` = `a U b`."""
+        """Return a shorter formula equal to `left` wherever `right` is false: `(a | b) U b` = `a U b`."""
         if self.implies(self.negated(left), right):
             return TRUE
         if self.kind[left] == OR:
@@ -142,9 +142,9 @@ class Core:
         return left
 
     def negated(self, number: int) -> int:
-        """Return the negation of a literal (or of a conjunction or disjunction of literals); else FALSE, implied by none.
+        """Return the negation of a literal, or of a conjunction or disjunction of literals.
 
-        FALSE implies everything, so callers get TRUE's number for what cannot be negated here: it implies nothing.
+        Anything else gives TRUE, which implies nothing but itself: callers only ask what the negation implies.
         """
         kind, args = self.kind[number], self.args[number]
         if kind == LITERAL:
@@ -184,7 +184,7 @@ class Core:
 
         Each rule goes on to a pair of formulas that is smaller in sum, so the search ends.
         """
-        if a == b or a == FALSE or b == TRUE:
+        if a in (b, FALSE) or b == TRUE:
             return True
         if a == TRUE or b == FALSE:
             return False
@@ -195,12 +195,19 @@ class Core:
         return answer
 
     def _find_implication(self, a: int, b: int) -> bool:
+        # Loops, not `all` and `any`: a generator would double the recursion depth.
         implies = self.implies
         kind_a, kind_b, args_a, args_b = self.kind[a], self.kind[b], self.args[a], self.args[b]
         if kind_a == OR:
-            return all([implies(x, b) for x in args_a])
+            for x in args_a:  # noqa: SIM110
+                if not implies(x, b):
+                    return False
+            return True
         if kind_b == AND:
-            return all([implies(a, y) for y in args_b])
+            for y in args_b:  # noqa: SIM110
+                if not implies(a, y):
+                    return False
+            return True
         if kind_a == AND:
             for x in args_a:
                 if implies(x, b):
@@ -219,7 +226,7 @@ class Core:
                 return True
             if kind_a == UNTIL and implies(args_a[1], b) and self._implies_either(args_a[0], *args_b):
                 return True
-            if kind_a == AND and self._folds_into(args_a, b):
+            if kind_a == AND and self._folds_into(a, b):
                 return True
         elif kind_b == NEXT and kind_a == NEXT:
             return implies(args_a[0], args_b[0])
@@ -229,11 +236,15 @@ class Core:
 
     def _implies_either(self, a: int, b: int, c: int) -> bool:
         if self.kind[a] == OR:
-            return all([self._implies_either(x, b, c) for x in self.args[a]])
+            for x in self.args[a]:  # noqa: SIM110
+                if not self._implies_either(x, b, c):
+                    return False
+            return True
         return self.implies(a, b) or self.implies(a, c)
 
-    def _folds_into(self, conjuncts: tuple[int, ...], until: int) -> bool:
-        """Return whether `x & X y` with `x` implying the left side and `y` the until itself is among the conjuncts."""
-        left = self.args[until][0]
-        has_next = any([self.kind[x] == NEXT and self.implies(self.args[x][0], until) for x in conjuncts])
-        return has_next and any([self.implies(x, left) for x in conjuncts])
+    def _folds_into(self, conjunction: int, until: int) -> bool:
+        """Return whether `x & X y` implies `left U right`, because `x` implies `left` and `y` the until itself."""
+        for x in self.args[conjunction]:
+            if self.kind[x] == NEXT and self.implies(self.args[x][0], until):
+                return self.implies(conjunction, self.args[until][0])
+        return False

@@ -9,6 +9,9 @@ from t2tl_jax.ltl.tokens import FIRST_PROPOSITION, OPERATOR_ID
 
 Tokens = tuple[int, ...]
 
+_MAX_FACTORING = 40
+"""Levels of factoring; deeper, a formula is shown as a plain disjunction, which costs tokens but no stack."""
+
 _PREFIX = {NEXT: OPERATOR_ID["next"], EVENTUALLY: OPERATOR_ID["eventually"], UNTIL: OPERATOR_ID["until"]}
 
 
@@ -51,36 +54,27 @@ class Display:
             return 0
         return self._factor(progression, sorted(progression.irredundant(term) for term in state))
 
-    def _factor(self, progression: Progression, terms: list[int]) -> int:
+    def _factor(self, progression: Progression, terms: list[int], depth: int = 0) -> int:
         """Return a formula equal to the disjunction of `terms`, none of which contains another."""
-        if len(terms) == 1:
-            return self._conjunction(_atoms(progression, terms[0]))
-        common = reduce(and_, terms)
-        if common:
-            rest = self._factor(progression, [term ^ common for term in terms])
-            return self._conjunction([*_atoms(progression, common), rest])
-        components = _components(terms)
-        if len(components) > 1:
-            return self._disjunction([self._factor(progression, part) for part in components])
-        # Divide by the most frequent atom's cofactor: terms = divisor * quotient, or the remainder.
-        counts: dict[int, int] = {}
-        for term in terms:
-            while term:
-                low = term & -term
-                counts[low] = counts.get(low, 0) + 1
-                term ^= low
-        frequent = max(counts, key=lambda bit: (counts[bit], -bit))
-        quotient = [term for term in terms if term & frequent]
-        common = reduce(and_, quotient)
-        quotient = [term ^ common for term in quotient]
-        divisor = reduce(and_, [{term ^ q for term in terms if term & q == q} for q in quotient])
-        product = {d | q for d in divisor for q in quotient}
-        parts = [
-            self._conjunction([self._factor(progression, sorted(divisor)), self._factor(progression, quotient)]),
-        ]
-        remainder = [term for term in terms if term not in product]
-        if remainder:
-            parts.append(self._factor(progression, remainder))
+        parts: list[int] = []
+        while terms:
+            common = reduce(and_, terms)
+            components = _components(terms)
+            if len(terms) == 1 or depth > _MAX_FACTORING:
+                parts += [self._conjunction(_atoms(progression, term)) for term in terms]
+                break
+            if common:
+                rest = self._factor(progression, [term ^ common for term in terms], depth + 1)
+                parts.append(self._conjunction([*_atoms(progression, common), rest]))
+                break
+            if len(components) > 1:
+                parts += [self._factor(progression, component, depth + 1) for component in components]
+                break
+            divisor, quotient = _divide(terms)
+            factors = [self._factor(progression, factor, depth + 1) for factor in (divisor, quotient)]
+            parts.append(self._conjunction(factors))
+            product = {d | q for d in divisor for q in quotient}
+            terms = [term for term in terms if term not in product]
         return self._disjunction(parts)
 
     def _conjunction(self, numbers: list[int]) -> int:
@@ -134,6 +128,25 @@ def _components(terms: list[int]) -> list[list[int]]:
         bits = reduce(or_, [group[0] for group in touching], term)
         groups.append((bits, [member for group in touching for member in group[1]] + [term]))
     return [sorted(members) for _, members in groups]
+
+
+def _divide(terms: list[int]) -> tuple[list[int], list[int]]:
+    """Return two lists of terms, each without a common atom, whose product is among `terms`.
+
+    The quotient is the cofactor of the most frequent atom, the divisor all that the terms hold times that quotient.
+    """
+    counts: dict[int, int] = {}
+    for term in terms:
+        while term:
+            low = term & -term
+            counts[low] = counts.get(low, 0) + 1
+            term ^= low
+    frequent = max(counts, key=lambda bit: (counts[bit], -bit))
+    quotient = [term for term in terms if term & frequent]
+    common = reduce(and_, quotient)
+    quotient = [term ^ common for term in quotient]
+    divisor = reduce(and_, [{term ^ q for term in terms if term & q == q} for q in quotient])
+    return sorted(divisor), quotient
 
 
 def _nested(operator: int, parts: list[Tokens]) -> Tokens:

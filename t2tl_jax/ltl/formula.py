@@ -35,9 +35,10 @@ BINDING = {"iff": 1, "implies": 2, "or": 3, "and": 4, "until": 5, "release": 5, 
 
 RIGHT_ASSOCIATIVE = frozenset({"implies", "until", "release", "weak_until", "strong_release"})
 
-RESERVED = frozenset(
-    "X F G U R W M true false True False not and or implies iff next eventually always until release".split()
-)
+RESERVED = frozenset({
+    "X", "F", "G", "U", "R", "W", "M", "true", "false", "True", "False",
+    "not", "and", "or", "implies", "iff", "next", "eventually", "always", "until", "release",
+})  # fmt: skip
 """Words that the parser reads as operators or literals; a proposition so named has to be quoted."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")

@@ -6,8 +6,8 @@ from t2tl_jax.ltl.diagrams import Diagrams
 def settle(successors: dict[int, frozenset[int]]) -> tuple[set[int], set[int]]:
     """Decide which states are already true or false.
 
-    A co-safe formula holds exactly when a finite prefix progresses it to true. So a state is *false* when true cannot be
-    reached from it, and *true* when it belongs to the least set that holds the state true and every state whose
+    A co-safe formula holds exactly when a finite prefix progresses it to true. So a state is *false* when true cannot
+    be reached from it, and *true* when it belongs to the least set that holds the state true and every state whose
     successors are all in the set.
 
     Args:

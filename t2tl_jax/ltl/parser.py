@@ -132,9 +132,8 @@ class _Parser:
         if text == "(":
             self.open_parentheses += 1
             if self.open_parentheses > MAX_DEPTH:
-                raise TooLargeError(
-                    f"more than {MAX_DEPTH} parentheses are open (formula.MAX_DEPTH)\n{caret(self.text, token.position)}"
-                )
+                place = caret(self.text, token.position)
+                raise TooLargeError(f"more than {MAX_DEPTH} parentheses are open (formula.MAX_DEPTH)\n{place}")
             self.pending.append(_Pending("(", 0, token.position))
             return True
         if text in _UNARY:

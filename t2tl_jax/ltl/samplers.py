@@ -64,13 +64,7 @@ def make_sampler(name: str, propositions: Sequence[str]) -> Sampler:
     if family == "Super":
         members = [make_sampler(n, names) for n in ("Sequence_2_4", "Until_1_2_1_2", "Default", "Eventually_1_4_1_3")]
         return lambda rng: rng.choice(members)(rng)
-    draw = {
-        "Default": _default,
-        "Until": _until,
-        "Sequence": _sequence,
-        "Eventually": _eventually,
-        "Adversarial": _adversarial,
-    }[family]
+    draw = _DRAW[family]
     return lambda rng: draw(rng, names, *numbers)
 
 
@@ -88,9 +82,8 @@ def _check_count(name: str, propositions: list[str], needed: int) -> None:
     if len(set(propositions)) < len(propositions):
         raise LTLError(f"a proposition is named twice: {', '.join(propositions)}")
     if len(propositions) < needed:
-        raise LTLError(
-            f'"{name}" needs at least {needed} propositions, got {len(propositions)}: {", ".join(propositions) or "none"}'
-        )
+        given = ", ".join(propositions) or "none"
+        raise LTLError(f'"{name}" needs at least {needed} propositions, got {len(propositions)}: {given}')
 
 
 def _families() -> str:
@@ -153,3 +146,12 @@ def _chain(goals: list[Formula]) -> Formula:
 def _conjoin(tasks: list[Formula]) -> Formula:
     """Return the conjunction with the newest task outermost, as LTL2Action builds it."""
     return reduce(lambda rest, newest: newest & rest, tasks)
+
+
+_DRAW: dict[str, Callable[..., Formula]] = {
+    "Default": _default,
+    "Until": _until,
+    "Sequence": _sequence,
+    "Eventually": _eventually,
+    "Adversarial": _adversarial,
+}

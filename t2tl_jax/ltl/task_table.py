@@ -147,14 +147,12 @@ def compile_tasks(
     tokens = np.zeros((len(automaton.tokens), length), np.int32)
     for index, row in enumerate(automaton.tokens):
         tokens[index, : len(row)] = row
-    arrays = jax.device_put(
-        (
-            tokens,
-            tokens != vocabulary.PADDING,
-            automaton.next_row,
-            automaton.verdict,
-            automaton.initial_row,
-            automaton.letter_weights,
-        )
-    )
-    return TaskTable(*arrays, propositions=automaton.propositions, alphabet=automaton.alphabet)
+    arrays = {
+        "tokens": tokens,
+        "mask": tokens != vocabulary.PADDING,
+        "next_row": automaton.next_row,
+        "verdict": automaton.verdict,
+        "initial_row": automaton.initial_row,
+        "letter_weights": automaton.letter_weights,
+    }
+    return TaskTable(**jax.device_put(arrays), propositions=automaton.propositions, alphabet=automaton.alphabet)

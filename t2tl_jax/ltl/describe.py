@@ -1,0 +1,73 @@
+"""Automata as text for people: a listing, the verdicts along a word, and Graphviz source."""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from t2tl_jax.ltl.automaton import Automaton
+from t2tl_jax.ltl.guards import guard
+
+_VERDICT = {1: "true", -1: "false", 0: "open"}
+
+
+def describe(automaton: Automaton) -> str:
+    """Return a listing of rows (formula, tokens, verdict) with their transitions; rows in which nothing can change
+    (true and false) list none."""
+    rows, letters = automaton.next_row.shape
+    lines = [
+        f"{rows} rows, {len(automaton.initial_row)} task{'s' * (len(automaton.initial_row) != 1)}, {letters} letters "
+        f"({automaton.alphabet} of {', '.join(automaton.used) or 'no propositions'})"
+    ]
+    starts = automaton.initial_row.tolist()
+    for row in range(rows):
+        begins = [str(task) for task, start in enumerate(starts) if start == row]
+        mark = f"   <- task {', '.join(begins)}" if begins else ""
+        lines.append(f"\nrow {row} [{_VERDICT[int(automaton.verdict[row])]}]{mark}")
+        lines.append(f"  formula  {automaton.formula(row)}")
+        lines.append(f"  tokens   {len(automaton.tokens[row])}: {' '.join(map(str, automaton.tokens[row]))}")
+        if automaton.verdict[row] == 0:
+            lines += [f"  -> {target:<4d}  {guard(automaton, row, target)}" for target in successors(automaton, row)]
+    return "\n".join(lines)
+
+
+def successors(automaton: Automaton, row: int) -> list[int]:
+    """Return the rows that some letter leads to, the row itself first."""
+    targets = np.unique(automaton.next_row[row]).tolist()
+    return sorted(targets, key=lambda target: (target != row, target))
+
+
+def describe_word(automaton: Automaton, word: Sequence[Collection[str]], task: int = 0) -> str:
+    """Return one line per step of a word: the label, the verdict after it, and the formula that remains.
+
+    Raises:
+        UnknownPropositionError: for a label with a proposition that the environment does not have.
+    """
+    row = int(automaton.initial_row[task])
+    lines = [f"{'start':<20}  {_VERDICT[int(automaton.verdict[row])]:<5}  row {row}: {automaton.formula(row)}"]
+    for step, label in enumerate(word, 1):
+        row = int(automaton.next_row[row, automaton.letter(label)])
+        shown = f"{step} {{{', '.join(sorted(label))}}}"
+        lines.append(f"{shown:<20}  {_VERDICT[int(automaton.verdict[row])]:<5}  row {row}: {automaton.formula(row)}")
+    return "\n".join(lines)
+
+
+def to_dot(automaton: Automaton) -> str:
+    """Return the reachable part of the automaton as Graphviz text."""
+    lines = ["digraph tasks {", "  rankdir=LR;", '  node [shape=box, style=rounded, fontname="monospace"];']
+    reached = list(dict.fromkeys(automaton.initial_row.tolist()))
+    for row in reached:
+        reached += [target for target in successors(automaton, row) if target not in reached]
+    for row in sorted(reached):
+        verdict = int(automaton.verdict[row])
+        style = {1: ', peripheries=2, color="darkgreen"', -1: ', color="firebrick"', 0: ""}[verdict]
+        lines.append(f"  {row} [label={_quoted(f'{row}: {automaton.formula(row)}')}{style}];")
+    for task, start in enumerate(automaton.initial_row.tolist()):
+        lines += [f'  task{task} [shape=plaintext, label="task {task}"];', f"  task{task} -> {start};"]
+    for row in sorted(reached):
+        for target in successors(automaton, row):
+            lines.append(f"  {row} -> {target} [label={_quoted(guard(automaton, row, target))}];")
+    return "\n".join([*lines, "}"])
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
