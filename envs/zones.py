@@ -127,10 +127,12 @@ class ZoneEnv(LabelledEnv):
             heading = jax.random.uniform(heading_key, (1,), jnp.float32, 0.0, 2.0 * jnp.pi)
             qpos = jnp.concatenate([jnp.asarray(self._starts)[index], heading])
             zones = jnp.asarray(self._maps)[index]
-        return self.reset_to(qpos, jnp.zeros(3, jnp.float32), zones)
+        # At rest, clear of the walls and without a command nothing accelerates: a reset needs no physics.
+        robot = PointState(qpos=qpos, qvel=jnp.zeros(3, jnp.float32))
+        return self._first_state(robot, zones, jnp.zeros(2, jnp.float32))
 
     def reset_to(self, qpos: jax.Array, qvel: jax.Array, zones: jax.Array | None = None) -> State:
-        """The state with the given motion, as if no action had been taken yet.
+        """The state with the given motion, as if its last action had been zero.
 
         Args:
             qpos: ``float[3]`` position in metres and heading in radians.
@@ -139,13 +141,7 @@ class ZoneEnv(LabelledEnv):
         """
         robot = PointState(qpos=jnp.asarray(qpos, jnp.float32), qvel=jnp.asarray(qvel, jnp.float32))
         zones = jnp.asarray(self._maps[0] if zones is None else zones, jnp.float32)
-        acceleration = self._physics.acceleration(robot, jnp.zeros(2, jnp.float32))
-        return State(
-            pipeline_state=ZoneState(robot=robot, zones=zones),
-            obs=self._observe(robot, zones, acceleration),
-            reward=jnp.zeros((), jnp.float32),
-            done=jnp.zeros((), jnp.float32),
-        )
+        return self._first_state(robot, zones, self._physics.acceleration(robot, jnp.zeros(2, jnp.float32)))
 
     def step(self, state: State, action: jax.Array) -> State:
         """The state 20 ms later.
@@ -171,6 +167,15 @@ class ZoneEnv(LabelledEnv):
         """Which colours the robot's origin stands in, within 0.25 m inclusive: ``bool[P]``."""
         zone_state: ZoneState = state.pipeline_state
         return zone_sensors.inside(zone_state.qpos, zone_state.zones, self._label_groups)
+
+    def _first_state(self, robot: PointState, zones: jax.Array, acceleration: jax.Array) -> State:
+        """The state that begins an episode."""
+        return State(
+            pipeline_state=ZoneState(robot=robot, zones=zones),
+            obs=self._observe(robot, zones, acceleration),
+            reward=jnp.zeros((), jnp.float32),
+            done=jnp.zeros((), jnp.float32),
+        )
 
     def _observe(self, robot: PointState, zones: jax.Array, acceleration: jax.Array) -> jax.Array:
         """Body sensors, then the lidars in the alphabetical order of their letters: ``float32[observation_size]``."""
