@@ -74,14 +74,14 @@ class Core:
 
     def conjunction(self, operands: Iterable[int]) -> int:
         """Return the conjunction, without operands that others imply; order is kept."""
-        kept = self._irredundant(self._flatten(AND, operands), weaker_goes=True)
+        kept = self._irredundant(self.flatten(AND, operands), weaker_goes=True)
         if FALSE in kept or self._complementary(kept):
             return FALSE
         return TRUE if not kept else kept[0] if len(kept) == 1 else self.make(AND, tuple(kept))
 
     def disjunction(self, operands: Iterable[int]) -> int:
         """Return the disjunction, without operands that imply others; order is kept."""
-        kept = self._irredundant(self._flatten(OR, operands), weaker_goes=False)
+        kept = self._irredundant(self.flatten(OR, operands), weaker_goes=False)
         if TRUE in kept or self._complementary(kept):
             return TRUE
         return FALSE if not kept else kept[0] if len(kept) == 1 else self.make(OR, tuple(kept))
@@ -154,7 +154,8 @@ class Core:
             return self.disjunction(flipped) if kind == AND else self.conjunction(flipped)
         return TRUE
 
-    def _flatten(self, kind: int, operands: Iterable[int]) -> list[int]:
+    def flatten(self, kind: int, operands: Iterable[int]) -> list[int]:
+        """Return the operands with those of nested conjunctions (or disjunctions, by `kind`) in their place."""
         flat: list[int] = []
         for operand in operands:
             flat.extend(self.args[operand] if self.kind[operand] == kind else (operand,))

@@ -90,7 +90,7 @@ class Display:
         if len(numbers) == 1:
             return numbers[0]
         groups: dict[tuple[int, int], list[int]] = {}
-        for number in sorted(core._flatten(kind, numbers), key=self.rank):
+        for number in sorted(set(core.flatten(kind, numbers)), key=self.rank):
             groups.setdefault(self._merge_key(kind, number), []).append(number)
         merged = [self._merge(kind, group) if len(group) > 1 else group[0] for group in groups.values()]
         return combine(sorted(merged, key=self.rank))
