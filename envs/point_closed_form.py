@@ -13,6 +13,7 @@ from envs.point_robot import (
     ARROW_OFFSET,
     COM_OFFSET,
     FORCE_LIMIT,
+    FRICTION,
     GEAR,
     HINGE_DAMPING,
     INERTIA,
@@ -65,12 +66,16 @@ def wall_distance(cos: jax.Array, sin: jax.Array) -> tuple[jax.Array, jax.Array]
 
 
 def _stop_at_wall(
-    position: jax.Array, velocity: jax.Array, low: jax.Array, high: jax.Array
-) -> tuple[jax.Array, jax.Array]:
-    """Perfectly inelastic wall: the position is clamped, the velocity into the wall is lost."""
-    velocity = jnp.where(position > high, jnp.minimum(velocity, 0.0), velocity)
-    velocity = jnp.where(position < low, jnp.maximum(velocity, 0.0), velocity)
-    return jnp.clip(position, low, high), velocity
+    position: jax.Array, velocity: jax.Array, sideways: jax.Array, low: jax.Array, high: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Perfectly inelastic wall: the position is clamped, the velocity into the wall is lost.
+
+    So is as much of the velocity along the wall, as far as there is any: Coulomb friction with coefficient 1.
+    """
+    kept = jnp.where(position > high, jnp.minimum(velocity, 0.0), velocity)
+    kept = jnp.where(position < low, jnp.maximum(velocity, 0.0), kept)
+    lost = FRICTION * jnp.abs(velocity - kept)
+    return jnp.clip(position, low, high), kept, sideways - jnp.clip(sideways, -lost, lost)
 
 
 class ClosedFormPoint:
@@ -79,14 +84,16 @@ class ClosedFormPoint:
     def step(self, state: PointState, action: jax.Array, substeps: int = SUBSTEPS) -> PointState:
         """The robot after ``substeps`` substeps of 2 ms under a held ``action`` of ``float32[2]``.
 
-        Exact away from the walls. At a wall it stops dead instead of touching it softly, feels no friction and is not
-        turned by it.
+        Exact away from the walls. At a wall it stops dead instead of touching it softly, and is not turned by it.
         """
         action = clip_action(action)
         x, y, heading = state.qpos
         vx, vy, turn = state.qvel
         cos, sin = jnp.cos(heading), jnp.sin(heading)
         for _ in range(substeps):
+            x, y, heading, vx, vy, turn, cos, sin = jax.lax.optimization_barrier(
+                (x, y, heading, vx, vy, turn, cos, sin)
+            )
             along, aside = cos * vx + sin * vy, cos * vy - sin * vx
             d_along, d_aside, d_turn = _solve(_forces(along, aside, turn, action), TIMESTEP)
             along, aside, turn = along + TIMESTEP * d_along, aside + TIMESTEP * d_aside, turn + TIMESTEP * d_turn
@@ -98,8 +105,8 @@ class ClosedFormPoint:
             square = angle * angle
             d_cos, d_sin = 1.0 - square * (0.5 - square / 24.0), angle * (1.0 - square * (1.0 / 6.0 - square / 120.0))
             cos, sin = cos * d_cos - sin * d_sin, sin * d_cos + cos * d_sin
-            x, vx = _stop_at_wall(x, vx, *wall_distance(cos, sin))
-            y, vy = _stop_at_wall(y, vy, *wall_distance(sin, cos))
+            x, vx, vy = _stop_at_wall(x, vx, vy, *wall_distance(cos, sin))
+            y, vy, vx = _stop_at_wall(y, vy, vx, *wall_distance(sin, cos))
         return PointState(qpos=jnp.stack([x, y, heading]), qvel=jnp.stack([vx, vy, turn]))
 
     def acceleration(self, state: PointState, action: jax.Array) -> jax.Array:

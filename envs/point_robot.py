@@ -64,6 +64,9 @@ FORCE_LIMIT = 0.05
 GRAVITY = 9.81
 """Metres per second squared; reaches only the accelerometer's third axis."""
 
+FRICTION = 1.0
+"""Coefficient of sliding friction between the robot and a wall."""
+
 WALL = 2.4
 """The inner faces of the four walls, in metres from the centre."""
 

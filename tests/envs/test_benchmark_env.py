@@ -1,0 +1,15 @@
+"""The benchmark measures what it says, on a tiny size."""
+
+import json
+
+from experiments.benchmark_env import BenchmarkConfig, main
+
+
+def test_benchmark_reports_every_combination(tmp_path):
+    file = tmp_path / "speed.json"
+    config = BenchmarkConfig(physics=("closed_form",), num_envs=(2, 4), steps=5, repeats=2, layout="random", json=file)
+    results = main(config)
+    assert [(r.physics, r.num_envs) for r in results] == [("closed_form", 2), ("closed_form", 4)]
+    assert all(0 < r.slowest <= r.steps_per_s <= r.fastest for r in results)
+    written = json.loads(file.read_text())
+    assert written["config"]["steps"] == 5 and len(written["results"]) == 2
