@@ -228,7 +228,7 @@ def make_ppo(
 
         gradient, scalars = jax.grad(loss, has_aux=True)(params)
         updates, opt_state = optimizer.update(gradient, opt_state, params)
-        scalars["gradient_norm"] = optax.global_norm(gradient)
+        scalars["gradient_norm"] = optax.tree.norm(gradient)
         return (optax.apply_updates(params, updates), opt_state), scalars
 
     def epoch(carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):

@@ -103,15 +103,26 @@ def test_one_hot_code_solves_the_probe_too(env):
 
 
 def test_vmapped_seeds_equal_single_seeds(env):
+    """Same behaviour to 1e-3; not the same bits, since batched matrix products round differently.
+
+    Weights are no measure: Adam blows up the rounding noise of gradients that are zero in theory (attention's key bias).
+    """
     agent = make(env)
     keys = jax.random.split(jax.random.key(3), 3)
     together = jax.jit(jax.vmap(agent.init))(keys)
-    iterate_all, iterate_one = jax.jit(jax.vmap(agent.iterate)), jax.jit(agent.iterate)
     alone = jax.jit(agent.init)(keys[1])
-    for _ in range(3):
-        together, _ = iterate_all(together)
-        alone, _ = iterate_one(alone)
-    chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], together.params), alone.params, atol=1e-4)
+    iterate_all, iterate_one = jax.jit(jax.vmap(agent.iterate)), jax.jit(agent.iterate)
+    for _ in range(2):
+        together, metrics_all = iterate_all(together)
+        alone, metrics_one = iterate_one(alone)
+    chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], metrics_all), metrics_one, atol=1e-3)
+
+    def behaviour(params):
+        rows = jnp.arange(env.table.num_rows)
+        return agent.act(params, agent.embed(params), jnp.ones((len(rows), 3)), rows, jax.random.key(0), True)
+
+    own = jax.tree.map(lambda x: x[1], together.params)
+    np.testing.assert_allclose(behaviour(own), behaviour(alone.params), atol=1e-3)
 
 
 def test_iterations_compile_once(env):
@@ -125,19 +136,18 @@ def test_iterations_compile_once(env):
 
 @pytest.mark.parametrize("terminal", [False, True])
 def test_time_limit_is_bootstrapped_unless_told_otherwise(terminal):
-    """No action matters and no reward comes: bootstrapped values keep their level, terminal time-outs pull it to 0."""
+    """With a value of exactly 1 everywhere, no reward and no discount, only a terminal time-out makes an error."""
     probe = ProbeEnv()
-    env = TaskEnv(probe, compile_tasks(["F(Up & Down)"], probe.propositions, "every_subset"))
-    config = dataclasses.replace(PPO, timeout_is_terminal=terminal, discount=1.0, gae_lambda=1.0, staggered_start=False)
-    agent = make_ppo(env, NETWORK, config, episode_length=8, iterations=30)
-    state = jax.jit(agent.init)(jax.random.key(1))
-    iterate = jax.jit(agent.iterate)
-    state, first = iterate(state)
-    for _ in range(30):
-        state, last = iterate(state)
-    start, end = abs(float(first.scalars["value"])), abs(float(last.scalars["value"]))
-    assert start > 0.2, "the untrained value should be clearly off zero for this test to say anything"
-    assert end < 0.1 * start if terminal else end > 0.5 * start
+    env = TaskEnv(probe, compile_tasks(["F(Up & F(Down & F(Up & F(Down & F Up))))"], probe.propositions, "at_most_one"))
+    config = dataclasses.replace(
+        PPO, timeout_is_terminal=terminal, discount=1.0, gae_lambda=1.0, staggered_start=False, epochs=1, minibatch_size=256
+    )
+    agent = make_ppo(env, dataclasses.replace(NETWORK, value_scale=0.0), config, episode_length=4, iterations=1)
+    state = agent.init(jax.random.key(1))
+    state.params["params"]["critic"]["value"]["bias"] = jnp.ones(1)
+    _, metrics = jax.jit(agent.iterate)(state)
+    assert metrics.episodes.timeouts == metrics.episodes.episodes == 64  # five goals cannot be met in four steps
+    np.testing.assert_allclose(metrics.scalars["value_loss"], 1.0 if terminal else 0.0, atol=1e-5)
 
 
 def test_best_parameters_are_those_that_made_the_best_rollout(env):
