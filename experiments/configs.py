@@ -2,7 +2,7 @@
 
 import math
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from tyro.constructors import PrimitiveConstructorSpec
@@ -73,6 +73,8 @@ class Config:
     """The environment."""
     task: str = "phi_zone"
     """A task by name, or a formula such as 'F(Red & F White)'."""
+    task_length: int = 0
+    """Pad formulas to this many tokens; 0 for as many as the longest one has."""
     simultaneous: float = 0.0
     """Share of training episodes that start at a random sub-task of the formula; evaluation never does."""
     network: NetworkConfig = field(default_factory=NetworkConfig)
@@ -81,7 +83,7 @@ class Config:
     """The learner."""
     frames: Count = 10_000_000
     """Environment steps of every seed; rounded up to whole iterations."""
-    seeds: str = "1,"
+    seeds: str = "1"
     """How many seeds (4 means 0, 1, 2, 3) or which (0,3,7; a single seed 7 is '7,'). All train in one program."""
     episode_length: Count = EPISODE_LENGTH
     """Time limit of an episode, in steps."""
@@ -95,3 +97,57 @@ class Config:
             raise ValueError(f"episode_length must be at least 1, got {self.episode_length}")
         if not 0.0 <= self.simultaneous <= 1.0:
             raise ValueError(f"simultaneous is a share of episodes between 0 and 1, got {self.simultaneous}")
+
+
+# Every departure of the published code from the paper's text, and its schedule. Its token padding counts as input.
+_PUBLISHED = Config(
+    task_length=25,
+    network=NetworkConfig(
+        transformer=TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True),
+        observation="raw",
+        value_scale=1.0,
+    ),
+    ppo=PPOConfig(
+        num_envs=16,
+        rollout_steps=4096,
+        epochs=10,
+        minibatch_size=1024,
+        discount=0.998,
+        gae_lambda=0.95,
+        learning_rate=3e-4,
+        anneal_learning_rate=False,
+        adam_epsilon=1e-8,
+        clip=0.2,
+        clip_value=True,
+        value_coefficient=0.5,
+        entropy_coefficient=0.003,
+        max_gradient_norm=0.5,
+        normalise_advantage=False,
+        timeout_is_terminal=True,
+        staggered_start=False,
+    ),
+)
+
+CONFIGS: dict[str, tuple[Config, str]] = {
+    "zone_ppo": (
+        Config(),
+        "T1TL (Transformer on the formula) by PPO on phi_zone, ten million frames",
+    ),
+    "zone_ppo_published": (
+        _PUBLISHED,
+        "the same with the schedule and every choice of the published code: 16 environments x 4,096 steps",
+    ),
+    "zone_ppo_closed_form": (
+        Config(env=ZoneConfig(physics="closed_form")),
+        "zone_ppo with the motion in closed form instead of MuJoCo: many times faster on a CPU",
+    ),
+    "zone_ppo_random": (
+        Config(env=ZoneConfig(layout="random")),
+        "zone_ppo on random maps, a new one in every episode",
+    ),
+    "zone_dfa": (
+        Config(network=NetworkConfig(task_encoder="one_hot")),
+        "the DFA baseline: the state of the task's automaton as a unit vector, all else as in zone_ppo",
+    ),
+}
+"""Configuration and one line about it, by name."""

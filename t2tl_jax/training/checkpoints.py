@@ -70,7 +70,7 @@ class Checkpoints:
         items = {
             "state": ocp.args.StandardSave(_to_host(train_state)),
             "latest": ocp.args.StandardSave(_to_host(train_state.params)),
-            "best": ocp.args.StandardSave(_to_host(train_state.best_params)),
+            "best": ocp.args.StandardSave(_to_host(best_params(train_state))),
             "info": ocp.args.JsonSave(dict(info)),
         }
         manager = self._open()
@@ -145,6 +145,16 @@ class Checkpoints:
                 "It is damaged, or was written by another version or configuration. Checkpoints present: "
                 f"{', '.join(map(str, self._open().all_steps()))}; without the damaged folder the one before it is used."
             ) from error
+
+
+def best_params(train_state: Any) -> Any:
+    """The best parameters of every seed, or its latest ones where no score was given yet; leading axis [seeds]."""
+    scored = train_state.best_score > -jax.numpy.inf
+
+    def choose(best: jax.Array, latest: jax.Array) -> jax.Array:
+        return jax.numpy.where(scored.reshape(-1, *[1] * (best.ndim - 1)), best, latest)
+
+    return jax.tree.map(choose, train_state.best_params, train_state.params)
 
 
 def _is_key(x: Any) -> bool:

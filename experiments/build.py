@@ -1,0 +1,53 @@
+"""From a configuration to the objects that train and evaluate it."""
+
+from dataclasses import dataclass
+
+from envs.zones import ZoneEnv
+from experiments.configs import Config
+from experiments.errors import UserError
+from t2tl_jax.agents.agent import Agent
+from t2tl_jax.agents.ppo import make_ppo
+from t2tl_jax.ltl import TaskTable, compile_tasks, resolve_task
+from t2tl_jax.task_env import TaskEnv
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What a configuration stands for."""
+
+    env: TaskEnv
+    """For evaluation: every episode starts with the whole task."""
+    agent: Agent
+    """The learner."""
+    iterations: int
+    """As many as are needed for the frames asked for."""
+    row_texts: tuple[str, ...] = ()
+    """What every row of the task table says, for pictures."""
+
+
+def build(config: Config) -> Experiment:
+    """Environment, task table and learner.
+
+    Raises:
+        UserError: for an unknown task or impossible settings, in the words of whoever noticed.
+    """
+    try:
+        env = ZoneEnv(config.env)
+        table = make_table(config, env)
+        iterations = -(-config.frames // config.ppo.batch_size)
+        training_env = TaskEnv(env, table, config.simultaneous)
+        agent = make_ppo(training_env, config.network, config.ppo, config.episode_length, iterations)
+        texts = tuple(str(table.formula(row)) for row in range(table.num_rows))
+        return Experiment(TaskEnv(env, table), agent, iterations, texts)
+    except ValueError as error:
+        raise UserError(str(error)) from error
+
+
+def make_table(config: Config, env: ZoneEnv) -> TaskTable:
+    """Compile the task of a configuration for an environment.
+
+    Raises:
+        ValueError: for an unknown task, a formula with mistakes, or one of other propositions.
+    """
+    formula = resolve_task(config.task)
+    return compile_tasks([formula], env.propositions, env.alphabet, length=config.task_length or None)

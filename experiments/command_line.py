@@ -1,0 +1,112 @@
+"""Flags to configuration: named configs, overrides of any field, and errors that name the nearest valid spelling."""
+
+import argparse
+import contextlib
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from experiments.configs import CONFIGS, Config
+from experiments.errors import UserError, nearest, unknown
+
+DEFAULT = "zone_ppo"
+
+DESCRIPTION = """Train an agent on a temporal-logic task.
+
+  --config NAME   start from a named configuration; every option below overrides one of its fields
+  --list          show the named configurations
+  --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer)
+                  and --run.* apply
+
+Examples:
+  python -m experiments.run --config zone_ppo --seeds 4
+  python -m experiments.run --config zone_ppo --ppo.learning-rate 1e-4 --frames 2e5 --task 'F(Red & F White)'
+  python -m experiments.run --resume runs/zone_ppo/2026-01-31_12-00-00
+
+The defaults shown are those of the chosen configuration."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the flags before the configuration's own ask for."""
+
+    config: str | None
+    """Name of the configuration, which exists."""
+    resume: Path | None
+    """Run to continue."""
+    show_list: bool
+    """Only show the configurations."""
+    rest: tuple[str, ...]
+    """Flags for the fields of the configuration."""
+
+
+def read_request(arguments: Sequence[str]) -> Request:
+    """Split the flags that choose a configuration from those that override its fields.
+
+    Raises:
+        UserError: for an unknown name, for both or none of ``--config`` and ``--resume``.
+    """
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    parser.add_argument("--config")
+    parser.add_argument("--resume", type=Path)
+    parser.add_argument("--list", action="store_true")
+    try:
+        known, rest = parser.parse_known_args(list(arguments))
+    except argparse.ArgumentError as error:
+        raise UserError(f"{error}; see --help") from error
+    helping = bool({"-h", "--help"} & set(rest))
+    if known.config is not None and known.config not in CONFIGS:
+        raise unknown("config", known.config, CONFIGS)
+    if known.config is not None and known.resume is not None:
+        raise UserError("--resume continues a run with its own configuration; leave --config out")
+    if known.config is None and known.resume is None and not (known.list or helping):
+        raise UserError(f"choose a configuration with --config NAME ({', '.join(CONFIGS)}), or a run with --resume RUN")
+    return Request(known.config, known.resume, known.list, tuple(rest))
+
+
+def list_configs() -> str:
+    """The named configurations, one per line."""
+    width = max(map(len, CONFIGS))
+    return "\n".join(f"{name:{width}}  {summary}" for name, (_, summary) in CONFIGS.items())
+
+
+def override(config: Config, arguments: Sequence[str], prog: str = "python -m experiments.run") -> Config:
+    """The configuration with the fields that the flags name replaced; prints help and exits 0 for ``--help``.
+
+    Raises:
+        UserError: for an unknown field or a value that it cannot take, with the nearest valid one.
+    """
+    complaints = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaints):
+            return tyro.cli(
+                Config, prog=prog, description=DESCRIPTION, default=config, args=list(arguments), config=OPTIONS
+            )
+    except SystemExit as stop:
+        if stop.code in (0, None):
+            raise
+        raise UserError(_plain(complaints.getvalue())) from None
+    except ValueError as error:  # from the checks of the dataclasses
+        raise UserError(str(error)) from error
+
+
+OPTIONS = (tyro.conf.FlagConversionOff,)
+"""Truth values are written out (``--run.gif False``), as in the configuration file."""
+
+
+def _plain(complaint: str) -> str:
+    """The message of tyro without its box, plus the nearest value where one of a few was expected."""
+    text = re.sub(r"\x1b\[[0-9;]*m", "", complaint)
+    lines = [line.strip("│ ").rstrip() for line in text.splitlines() if not re.fullmatch(r"[╭╰│─╮╯\s]*", line)]
+    lines = [re.sub(r"^╭─+ (.*?) ─*╮$", r"\1:", line) for line in lines]
+    message = "\n".join(line for line in lines if line)
+    choice = re.search(r"invalid choice '([^']*)'.*?Expected one of\s+\(([^)]*)\)", message, re.DOTALL)
+    if choice:
+        known = re.findall(r"'([^']*)'", choice.group(2))
+        if known:
+            message += f"\nDid you mean {nearest(choice.group(1), known)!r}?"
+    return message

@@ -1,0 +1,80 @@
+"""Evaluating the policies of a run, and keeping the results beside it."""
+
+from typing import Any
+
+import jax
+
+from experiments.build import Experiment
+from experiments.configs import Config
+from experiments.run_folder import RunFolder, read_json, write_json
+from t2tl_jax.evaluation.animation import captions, has_view, record_scene, save_gif
+from t2tl_jax.evaluation.episodes import evaluate_seeds
+from t2tl_jax.evaluation.report import Report, summarise
+from t2tl_jax.training.seeds import ANIMATION, EVALUATION, parse_seeds, stream_keys
+
+POLICIES = {"deterministic": True, "sampled": False}
+"""The mode of the policy's distribution, and draws from it (what was trained)."""
+
+Settings = dict[str, str | int]
+"""What an evaluation was of; two results with equal settings replace each other."""
+
+
+def settings(config: Config, checkpoint: str, iteration: int, episodes: int) -> Settings:
+    """Everything that tells one evaluation of a run from another."""
+    return {
+        "task": config.task,
+        "physics": config.env.physics,
+        "checkpoint": checkpoint,
+        "iteration": iteration,
+        "episodes": episodes,
+        "episode_length": config.episode_length,
+    }
+
+
+def evaluate(experiment: Experiment, config: Config, params: Any, episodes: int) -> dict[str, Report]:
+    """Play complete episodes with both policies of every seed, on the key stream kept for that.
+
+    Args:
+        experiment: environment and learner.
+        config: for seeds, time limit and discount.
+        params: with leading axis [seeds].
+        episodes: per seed and policy.
+    """
+    seeds = parse_seeds(config.seeds)
+    keys = stream_keys(seeds, EVALUATION)
+    return {
+        name: summarise(
+            evaluate_seeds(
+                experiment.env, experiment.agent, params, keys, episodes, config.episode_length, deterministic
+            ),
+            seeds,
+            config.ppo.discount,
+        )
+        for name, deterministic in POLICIES.items()
+    }
+
+
+def store(folder: RunFolder, what: Settings, reports: dict[str, Report]) -> None:
+    """Add results to ``evaluation.json``, in place of older ones of the same settings."""
+    earlier = read_json(folder.evaluation).get("evaluations", [])
+    kept = [entry for entry in earlier if entry.get("settings") != what]
+    entry = {"settings": what, "policies": {name: report.as_json() for name, report in reports.items()}}
+    write_json(folder.evaluation, {"evaluations": [*kept, entry]})
+
+
+def draw_episode(experiment: Experiment, config: Config, params: Any, folder: RunFolder) -> bool:
+    """Write the GIF of one episode of the first seed's deterministic policy; False for environments without a view.
+
+    Args:
+        experiment: environment and learner.
+        config: for seeds and time limit.
+        params: with leading axis [seeds].
+        folder: of the run.
+    """
+    if not has_view(experiment.env):
+        return False
+    key = stream_keys(parse_seeds(config.seeds), ANIMATION)[0]
+    first = jax.tree.map(lambda x: x[0], params)
+    scene = record_scene(experiment.env, experiment.agent, first, key, config.episode_length, deterministic=True)
+    save_gif(scene, folder.gif, captions(experiment.row_texts))
+    return True

@@ -1,0 +1,47 @@
+"""Train a named configuration: ``python -m experiments.run --config zone_ppo``; ``--help`` lists every option."""
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from experiments.errors import guarded
+
+
+def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | None = None) -> int:
+    """Run the command and return its exit code: 0 done or stopped by the user, 2 for input that cannot be used.
+
+    Args:
+        arguments: of the command line, without the program's name; by default those of this process.
+        build: from a ``Config`` to an ``experiments.build.Experiment``; by default the one of that module.
+    """
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments), build))
+
+
+def _main(arguments: list[str], build: Callable[[Any], Any] | None) -> int:
+    # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
+    from experiments import command_line, compilation_cache, training_run
+    from experiments.build import build as default_build
+    from experiments.configs import CONFIGS
+
+    request = command_line.read_request(arguments)
+    if request.show_list:
+        print(command_line.list_configs())
+        return 0
+    chosen_build = build or default_build
+    command = ["python", "-m", "experiments.run", *arguments]
+    if request.resume is not None and not {"-h", "--help"} & set(request.rest):
+
+        def amend(stored: Any) -> Any:
+            config = command_line.override(stored, request.rest)
+            compilation_cache.use(config.run.compilation_cache)
+            return config
+
+        return training_run.resume(request.resume, amend, chosen_build, command)
+    name = request.config or command_line.DEFAULT
+    config = command_line.override(CONFIGS[name][0], request.rest)
+    compilation_cache.use(config.run.compilation_cache)
+    return training_run.start(config, name, chosen_build, command)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,130 @@
+"""The folder of a run: what it is called, what lies in it, and who may write to it."""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from experiments import config_files
+from experiments.configs import Config
+from experiments.errors import UserError
+
+
+class RunFolder:
+    """Names of the files of a run."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = Path(path)
+        self.config = self.path / "config.json"
+        self.versions = self.path / "versions.json"
+        self.status = self.path / "status.json"
+        self.metrics = self.path / "metrics.csv"
+        self.checkpoints = self.path / "checkpoints"
+        self.curves = self.path / "learning_curve.png"
+        self.gif = self.path / "episode.gif"
+        self.evaluation = self.path / "evaluation.json"
+
+
+def create(base: Path, name: str, config: Config, versions: dict[str, Any]) -> RunFolder:
+    """Make ``base/<name>/<time>`` with the resolved configuration and the versions. Never touches an existing folder.
+
+    Raises:
+        UserError: if it cannot be written.
+    """
+    stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    parent = Path(base).expanduser() / name
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        for attempt in range(1, 1000):
+            path = parent / (stamp if attempt == 1 else f"{stamp}_{attempt}")
+            try:
+                path.mkdir()
+                break
+            except FileExistsError:
+                continue
+        folder = RunFolder(path)
+        write_text(folder.config, config_files.to_json(config))
+        write_json(folder.versions, {"started": versions})
+    except OSError as error:
+        raise UserError(f"cannot create a run in {parent}: {error.strerror or error}; see --run.folder") from error
+    return folder
+
+
+def open_existing(path: Path) -> tuple[RunFolder, Config]:
+    """The folder and the configuration of an earlier run.
+
+    Raises:
+        UserError: if it is not a run, with the runs that lie nearby, or if its configuration does not fit this version.
+    """
+    folder = RunFolder(path)
+    if not folder.path.is_dir():
+        raise UserError(f"there is no folder {path}{_runs_near(folder.path)}")
+    if not folder.config.is_file():
+        raise UserError(f"{path} is not a run: it has no {folder.config.name}{_runs_near(folder.path)}")
+    return folder, config_files.load(folder.config)
+
+
+@contextmanager
+def locked(folder: RunFolder) -> Iterator[None]:
+    """Keep other processes from training in the same folder. The lock ends with the process, however it ends.
+
+    Raises:
+        UserError: if another process holds it, or the folder cannot be written.
+    """
+    try:
+        file = open(folder.path / ".lock", "w", encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write to {folder.path}: {error.strerror}") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise UserError(f"another process is training in {folder.path}") from error
+        yield
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write indented JSON, whole or not at all."""
+    write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object of a run; an empty one if the file does not exist.
+
+    Raises:
+        UserError: if it holds something else.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise UserError(f"cannot read {path}: {error}") from error
+    if not isinstance(content, dict):
+        raise UserError(f"{path} should hold a JSON object")
+    return content
+
+
+def _runs_near(path: Path) -> str:
+    """Up to five newest runs below the given path or its nearest existing parent."""
+    start = path
+    while not start.is_dir() and start != start.parent:
+        start = start.parent
+    found = sorted(
+        (run.parent for pattern in ("config.json", "*/config.json", "*/*/config.json") for run in start.glob(pattern)),
+        key=lambda run: run.name,
+    )
+    if not found:
+        return "; a run is a folder such as runs/zone_ppo/2026-01-31_12-00-00"
+    return "\nRuns nearby:\n  " + "\n  ".join(map(str, found[-5:]))

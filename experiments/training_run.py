@@ -1,0 +1,275 @@
+"""A training run from start (or from its last checkpoint) to its evaluation and pictures."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from experiments import evaluation_run, run_folder
+from experiments.build import Experiment
+from experiments.configs import Config
+from experiments.errors import UserError
+from experiments.run_folder import RunFolder
+from t2tl_jax.agents.agent import Metrics
+from t2tl_jax.evaluation import report
+from t2tl_jax.evaluation.curves import plot_learning_curves, sparkline
+from t2tl_jax.training import loop
+from t2tl_jax.training.checkpoints import CheckpointError, Checkpoints, best_params
+from t2tl_jax.training.interrupts import Interrupted, StopRequest
+from t2tl_jax.training.metrics_file import MetricsFileError, by_seed, read_columns
+from t2tl_jax.training.program import Program, trace
+from t2tl_jax.training.progress import Progress
+from t2tl_jax.training.provenance import describe
+from t2tl_jax.training.recorder import Recorder
+from t2tl_jax.training.seeds import parse_seeds, place
+
+Build = Callable[[Config], Experiment]
+
+
+@dataclasses.dataclass
+class Run:
+    """A run under way."""
+
+    folder: RunFolder
+    config: Config
+    experiment: Experiment
+    program: Program
+    seeds: tuple[int, ...]
+    stop: StopRequest
+    compile_seconds: float = 0.0
+    train_seconds: float = 0.0
+    started_from: int = 0
+
+
+def start(config: Config, name: str, build: Build, command: Sequence[str]) -> int:
+    """Train a configuration in a new folder. Everything that can be checked is checked before the folder is made.
+
+    Raises:
+        UserError: for settings that cannot work.
+    """
+    with StopRequest() as stop:
+        try:
+            experiment, seeds, program = stop.call(lambda: _prepare(config, build))
+        except Interrupted:
+            print("stopped; nothing had been written")
+            return stop.leave(0)
+        folder = run_folder.create(Path(config.run.folder), name, config, describe(list(command)))
+        with run_folder.locked(folder):
+            return stop.leave(_train(Run(folder, config, experiment, program, seeds, stop)))
+
+
+def resume(path: Path, amend: Callable[[Config], Config], build: Build, command: Sequence[str]) -> int:
+    """Continue a run from its last checkpoint, or from the beginning if it has none.
+
+    Args:
+        path: folder of the run.
+        amend: applies the flags of this command; only ``frames`` and ``run`` may change.
+        build: from configuration to environment and learner.
+        command: the command line, for the record.
+
+    Raises:
+        UserError: if the folder or the flags cannot be used.
+    """
+    folder, stored = run_folder.open_existing(path)
+    config = amend(stored)
+    changed = [
+        field.name
+        for field in dataclasses.fields(Config)
+        if field.name not in ("frames", "run") and getattr(config, field.name) != getattr(stored, field.name)
+    ]
+    if changed:
+        raise UserError(f"a resumed run keeps its configuration; only --frames and --run.* apply, not {', '.join(changed)}")
+    with run_folder.locked(folder), StopRequest() as stop:
+        try:
+            experiment, seeds, program = stop.call(lambda: _prepare(config, build))
+        except Interrupted:
+            print("stopped; the run is as it was")
+            return stop.leave(0)
+        _log_session(folder, config, list(command))
+        return stop.leave(_train(Run(folder, config, experiment, program, seeds, stop)))
+
+
+def _prepare(config: Config, build: Build) -> tuple[Experiment, tuple[int, ...], Program]:
+    try:
+        seeds = parse_seeds(config.seeds)
+        experiment = build(config)
+        return experiment, seeds, trace(experiment.agent, seeds)
+    except (ValueError, TypeError) as error:
+        raise UserError(str(error)) from error
+
+
+def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
+    versions = run_folder.read_json(folder.versions)
+    versions.setdefault("resumed", []).append(describe(command))
+    run_folder.write_json(folder.versions, versions)
+    run_folder.write_text(folder.config, run_folder.config_files.to_json(config))
+
+
+def _train(run: Run) -> int:
+    config, total = run.config, run.experiment.iterations
+    print(_plan(run), flush=True)
+    with Checkpoints(run.folder.checkpoints) as checkpoints:
+        done, state = _restore(run, checkpoints)
+        if done >= total:
+            print(f"all {total:,} iterations are done; --frames N with a larger N trains longer")
+            return _conclude(run, state, done)
+        try:
+            begin = time.monotonic()
+            init, iterate = run.stop.call(lambda: _compile(run.program, fresh=state is None))
+            run.compile_seconds = time.monotonic() - begin
+        except Interrupted:
+            print(f"stopped while compiling; continue with --resume {run.folder.path}")
+            return 0
+        print(f"compiled in {run.compile_seconds:.1f} s", flush=True)
+        if init is not None:
+            state = init(run.program.keys)
+        run.started_from = done
+        done, state = _iterate(run, iterate, checkpoints, state, done)
+    return _conclude(run, state, done)
+
+
+def _restore(run: Run, checkpoints: Checkpoints) -> tuple[int, Any]:
+    if checkpoints.latest_iteration() is None:
+        return 0, None
+    try:
+        if tuple(checkpoints.info().get("seeds", ())) != run.seeds:
+            raise UserError(f"{run.folder.checkpoints} holds other seeds than {run.folder.config} names")
+        done, state = checkpoints.restore(run.program.state)
+    except CheckpointError as error:
+        raise UserError(str(error)) from error
+    print(f"resuming after iteration {done:,}")
+    return done, place(state, run.program.sharding)
+
+
+def _compile(program: Program, fresh: bool) -> tuple[Any, Any]:
+    return (program.lowered_init.compile() if fresh else None), program.lowered_iterate.compile()
+
+
+def _iterate(run: Run, iterate: Any, checkpoints: Checkpoints, state: Any, done: int) -> tuple[int, Any]:
+    config, total = run.config, run.experiment.iterations
+    per_iteration = run.experiment.agent.frames_per_iteration
+    try:
+        recorder = Recorder(run.folder.path, run.seeds, after=done)
+    except MetricsFileError as error:
+        raise UserError(str(error)) from error
+    progress = Progress(
+        total * per_iteration, done * per_iteration, len(run.seeds), quiet=not config.run.progress
+    )
+    begin = time.monotonic()
+
+    def record(iteration: int, metrics: Metrics) -> None:
+        progress.advance(per_iteration, recorder.record(metrics, iteration, iteration * per_iteration))
+
+    def save(iteration: int, train_state: Any) -> None:
+        recorder.sync()  # first the rows, then the checkpoint that counts on them
+        checkpoints.save(iteration, train_state, {"seeds": list(run.seeds), "frames": iteration * per_iteration})
+        run.train_seconds = time.monotonic() - begin
+        _write_status(run, iteration, "training")
+
+    try:
+        hooks = loop.Hooks(record, save, stop=lambda: run.stop.requested)
+        return loop.train(iterate, state, done, total, config.run.checkpoint_period, hooks)
+    finally:
+        run.train_seconds = time.monotonic() - begin
+        progress.close()
+        recorder.close()
+
+
+def _conclude(run: Run, state: Any, done: int) -> int:
+    """Pictures, evaluation, final words. The training is on disk by now, so a second signal may end this anywhere."""
+    total = run.experiment.iterations
+    finished = done >= total
+    _write_status(run, done, "finished" if finished else "interrupted")
+    if done == 0:
+        print(f"stopped before the first iteration was complete; continue with --resume {run.folder.path}")
+        return 0
+    plot_learning_curves(run.folder.metrics, run.folder.curves, title=f"{run.config.task} ({run.folder.path})")
+    print(_curves_table(run.folder))
+    params = best_params(state)
+    try:
+        if finished:
+            run.stop.call(lambda: _evaluate(run, params, done))
+            run.stop.call(lambda: _draw(run, params))
+        else:
+            _draw(run, params)
+    except Interrupted:
+        print(f"stopped; the training is complete, `python -m experiments.evaluate {run.folder.path}` evaluates it")
+        return 0
+    if finished:
+        print(f"done: {run.folder.path}")
+    else:
+        print(f"stopped after iteration {done:,} of {total:,}; continue with --resume {run.folder.path}")
+    return 0
+
+
+def _evaluate(run: Run, params: Any, iteration: int) -> None:
+    episodes = run.config.run.evaluation_episodes
+    if not episodes:
+        return
+    print(f"evaluating the best parameters, {episodes} episodes per seed and policy", flush=True)
+    reports = evaluation_run.evaluate(run.experiment, run.config, params, episodes)
+    evaluation_run.store(run.folder, evaluation_run.settings(run.config, "best", iteration, episodes), reports)
+    print(report.table(reports))
+
+
+def _draw(run: Run, params: Any) -> None:
+    if run.config.run.gif:
+        evaluation_run.draw_episode(run.experiment, run.config, params, run.folder)
+
+
+def _write_status(run: Run, iteration: int, state: str) -> None:
+    trained = iteration - run.started_from
+    frames = trained * run.experiment.agent.frames_per_iteration * len(run.seeds)
+    status = {
+        "state": state,
+        "iteration": iteration,
+        "iterations": run.experiment.iterations,
+        "frames_per_seed": iteration * run.experiment.agent.frames_per_iteration,
+        "seeds": list(run.seeds),
+    }
+    if run.train_seconds > 0:
+        status["last_session"] = {
+            "compile_seconds": round(run.compile_seconds, 2),
+            "training_seconds": round(run.train_seconds, 2),
+            "frames_per_second_all_seeds": round(frames / run.train_seconds, 1),
+        }
+    run_folder.write_json(run.folder.status, status)
+
+
+def _plan(run: Run) -> str:
+    asked, per_iteration = run.config.frames, run.experiment.agent.frames_per_iteration
+    actual = run.experiment.iterations * per_iteration
+    frames = f"{actual:,} frames per seed = {run.experiment.iterations:,} iterations x {per_iteration:,}"
+    if actual != asked:
+        frames += f" (asked for {asked:,}: {actual - asked:+,}, since iterations are whole)"
+    devices = jax.devices()
+    used = len(run.program.sharding.device_set) if run.program.sharding else 1
+    seeds = f"seed {run.seeds[0]}" if len(run.seeds) == 1 else f"{len(run.seeds)} seeds"
+    return "\n".join(
+        (
+            f"run    {run.folder.path}",
+            f"task   {run.config.task}",
+            f"plan   {frames}; {seeds}",
+            f"device {devices[0].device_kind}, {used} of {len(devices)} used",
+        )
+    )
+
+
+def _curves_table(folder: RunFolder) -> str:
+    """Success rate of every seed over the training, and its last value."""
+    columns = read_columns(folder.metrics)
+    seeds, _, success = by_seed(columns, "success_rate")
+    _, _, returns = by_seed(columns, "discounted_return")
+    lines = ["success rate during training (sampled policy), last value, last discounted return"]
+    for seed, curve, gained in zip(seeds, success, returns, strict=True):
+        lines.append(f"seed {seed:<5} {sparkline(curve)}  {_last(curve)}  {_last(gained)}")
+    return "\n".join(lines)
+
+
+def _last(values: np.ndarray) -> str:
+    known = values[np.isfinite(values)]
+    return f"{known[-1]:.3f}" if known.size else "no episode ended"
