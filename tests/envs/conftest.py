@@ -1,5 +1,7 @@
 """Shared by the environment tests: both physics, and the original MuJoCo model with its 204 wall cubes."""
 
+import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
@@ -18,10 +20,12 @@ ROBOT = """
   <site name="origin"/>
 </body>"""
 
-ACTUATORS = """
+LIMITS = 'ctrllimited="true" ctrlrange="-1 1" forcelimited="true" forcerange="-.05 .05"'
+
+ACTUATORS = f"""
 <actuator>
-  <motor site="origin" gear=".3 0 0 0 0 0" ctrllimited="true" ctrlrange="-1 1" forcelimited="true" forcerange="-.05 .05"/>
-  <velocity joint="hinge" gear=".3" kv="1" ctrllimited="true" ctrlrange="-1 1" forcelimited="true" forcerange="-.05 .05"/>
+  <motor site="origin" gear=".3 0 0 0 0 0" {LIMITS}/>
+  <velocity joint="hinge" gear=".3" kv="1" {LIMITS}/>
 </actuator>"""
 
 
@@ -61,6 +65,31 @@ def run_original(original):
 @pytest.fixture(scope="session", params=["mjx", "closed_form"])
 def env(request) -> ZoneEnv:
     return ZoneEnv(ZoneConfig(physics=request.param))
+
+
+@pytest.fixture(scope="session")
+def drive(env):
+    """``(qpos [n, 3], action [n, 2]) -> State [250, n]``: five seconds from rest under held actions, for n up to 8.
+
+    One compiled program serves every test that needs a trajectory, because compiling MJX is what these tests wait for.
+    """
+
+    @jax.jit
+    def run(qpos, actions):
+        states = jax.vmap(env.reset_to, in_axes=(0, None))(qpos, jnp.zeros(3))
+
+        def step(states, _):
+            states = jax.vmap(env.step)(states, actions)
+            return states, states
+
+        return jax.lax.scan(step, states, None, length=250)[1]
+
+    def padded(qpos, actions):
+        count = len(qpos)
+        fill = [jnp.zeros((8, width)).at[:count].set(a) for width, a in ((3, jnp.array(qpos)), (2, jnp.array(actions)))]
+        return jax.tree.map(lambda x: np.asarray(x[:, :count]), run(*fill))
+
+    return padded
 
 
 @pytest.fixture(scope="session")

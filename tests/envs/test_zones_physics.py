@@ -12,7 +12,7 @@ STATES = 1000
 
 @pytest.fixture(scope="module")
 def free_states():
-    """Random motions and actions that keep clear of the walls: qpos, qvel ``float64[1000, 3]``, action ``[1000, 2]``."""
+    """Random motions and actions clear of the walls: qpos and qvel ``float64[1000, 3]``, action ``[1000, 2]``."""
     rng = np.random.default_rng(1)
     qpos = np.concatenate([rng.uniform(-2.2, 2.2, (STATES, 2)), rng.uniform(-np.pi, np.pi, (STATES, 1))], axis=1)
     qvel = np.concatenate([rng.uniform(-1.5, 1.5, (STATES, 2)), rng.uniform(-3.5, 3.5, (STATES, 1))], axis=1)

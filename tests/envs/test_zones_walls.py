@@ -10,24 +10,13 @@ from envs.point_robot import PointState
 QUARTERS = np.array([0.0, 0.5, 1.0, 1.5]) * np.pi
 
 
-@pytest.fixture(scope="module")
-def runs(env):
-    """Five seconds of full drive towards each wall, ahead (rows 0-3) and backwards (4-7): qpos ``[steps, 8, 3]``."""
-    headings = jnp.asarray(np.concatenate([QUARTERS, QUARTERS + np.pi]), jnp.float32)
-    actions = jnp.array([[1.0, 0.0]] * 4 + [[-1.0, 0.0]] * 4)
-    qpos = jnp.stack([jnp.zeros(8), jnp.zeros(8), headings], axis=1)
-    states = jax.jit(jax.vmap(env.reset_to, in_axes=(0, None)))(qpos, jnp.zeros(3))
-
-    def step(states, _):
-        states = jax.vmap(env.step)(states, actions)
-        return states, states.pipeline_state.qpos
-
-    return np.asarray(jax.jit(lambda s: jax.lax.scan(step, s, None, length=250)[1])(states))
-
-
-def test_stopping_distances(runs):
+def test_stopping_distances(drive):
+    """Five seconds of full drive from the centre towards each wall, first ahead, then backwards."""
+    headings = np.concatenate([QUARTERS, QUARTERS + np.pi])
+    qpos = np.stack([np.zeros(8), np.zeros(8), headings], axis=1)
+    path = drive(qpos, [(1.0, 0.0)] * 4 + [(-1.0, 0.0)] * 4).pipeline_state.qpos
     towards = np.stack([np.cos(QUARTERS), np.sin(QUARTERS)], axis=1)
-    reached = np.einsum("tid,id->ti", runs[..., :2], np.concatenate([towards, towards]))
+    reached = np.einsum("tid,id->ti", path[..., :2], np.concatenate([towards, towards]))
     np.testing.assert_allclose(reached[-1, :4], 2.25, atol=0.01)
     np.testing.assert_allclose(reached[-1, 4:], 2.30, atol=0.01)
     assert reached[:, :4].max() < 2.265 and reached[:, 4:].max() < 2.315
@@ -70,15 +59,12 @@ def test_closed_form_walls_stop_at_the_same_place(closed_form_point, run_origina
     assert np.median(velocity) < 0.15 and np.quantile(velocity, 0.95) < 0.5
 
 
-def test_slides_along_a_wall_with_friction(env, run_original):
+def test_slides_along_a_wall_with_friction(env, drive, run_original):
     """Two seconds of full drive at 45 degrees. Original 0.96 m, MJX 1.03 m, closed form 0.77 m; 1.58 m frictionless."""
     start, action = np.array([[1.5, -1.5, np.pi / 4]]), np.array([[1.0, 0.0]])
     qpos, _, _ = run_original(start, np.zeros((1, 3)), action, substeps=1000)
-    state = jax.jit(env.reset_to)(jnp.asarray(start[0]), jnp.zeros(3))
-    step = jax.jit(env.step)
-    for _ in range(100):
-        state = step(state, jnp.asarray(action[0]))
-    travelled, expected = float(state.pipeline_state.qpos[1]) + 1.5, qpos[0, 1] + 1.5
+    travelled = drive(start, action).pipeline_state.qpos[99, 0, 1] + 1.5
+    expected = qpos[0, 1] + 1.5
     print(f"{env.backend}: {travelled:.3f} m, original {expected:.3f} m")
     assert travelled == pytest.approx(expected, abs=0.15 if env.backend == "mjx" else 0.3)
 
