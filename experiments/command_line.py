@@ -7,11 +7,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import tyro
 
 from experiments.configs import CONFIGS, Config
 from experiments.errors import UserError, nearest, unknown
+
+T = TypeVar("T")
 
 DEFAULT = "zone_ppo"
 
@@ -75,16 +78,30 @@ def list_configs() -> str:
 
 
 def override(config: Config, arguments: Sequence[str], prog: str = "python -m experiments.run") -> Config:
-    """The configuration with the fields that the flags name replaced; prints help and exits 0 for ``--help``.
+    """The configuration with the fields that the flags name replaced; otherwise as ``parse``."""
+    return parse(Config, arguments, prog, DESCRIPTION, default=config)
+
+
+def parse(kind: type[T], arguments: Sequence[str], prog: str, description: str | None, default: T | None = None) -> T:
+    """Fill a dataclass from flags with tyro; prints help and exits 0 for ``--help``.
+
+    Args:
+        kind: the dataclass.
+        arguments: of the command line, without the program's name.
+        prog: how the program is called, for its help.
+        description: at the top of its help.
+        default: instance whose fields the flags replace; without it, fields without default are required.
 
     Raises:
-        UserError: for an unknown field or a value that it cannot take, with the nearest valid one.
+        UserError: for flags that do not fit, with the nearest valid spelling.
     """
     complaints = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaints):
+            if default is None:
+                return tyro.cli(kind, prog=prog, description=description, args=list(arguments), config=OPTIONS)
             return tyro.cli(
-                Config, prog=prog, description=DESCRIPTION, default=config, args=list(arguments), config=OPTIONS
+                kind, prog=prog, description=description, default=default, args=list(arguments), config=OPTIONS
             )
     except SystemExit as stop:
         if stop.code in (0, None):

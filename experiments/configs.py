@@ -103,7 +103,9 @@ class Config:
 _PUBLISHED = Config(
     task_length=25,
     network=NetworkConfig(
-        transformer=TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True),
+        transformer=TransformerConfig(
+            norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True
+        ),
         observation="raw",
         value_scale=1.0,
     ),

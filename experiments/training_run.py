@@ -82,7 +82,9 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
         if field.name not in ("frames", "run") and getattr(config, field.name) != getattr(stored, field.name)
     ]
     if changed:
-        raise UserError(f"a resumed run keeps its configuration; only --frames and --run.* apply, not {', '.join(changed)}")
+        raise UserError(
+            f"a resumed run keeps its configuration; only --frames and --run.* apply, not {', '.join(changed)}"
+        )
     with run_folder.locked(folder), StopRequest() as stop:
         try:
             experiment, seeds, program = stop.call(lambda: _prepare(config, build))
@@ -156,9 +158,7 @@ def _iterate(run: Run, iterate: Any, checkpoints: Checkpoints, state: Any, done:
         recorder = Recorder(run.folder.path, run.seeds, after=done)
     except MetricsFileError as error:
         raise UserError(str(error)) from error
-    progress = Progress(
-        total * per_iteration, done * per_iteration, len(run.seeds), quiet=not config.run.progress
-    )
+    progress = Progress(total * per_iteration, done * per_iteration, len(run.seeds), quiet=not config.run.progress)
     begin = time.monotonic()
 
     def record(iteration: int, metrics: Metrics) -> None:

@@ -115,7 +115,9 @@ class Checkpoints:
     def _require_latest(self) -> int:
         iteration = self.latest_iteration()
         if iteration is None:
-            raise CheckpointError(f"{self.folder} holds no complete checkpoint: the run was stopped before its first one")
+            raise CheckpointError(
+                f"{self.folder} holds no complete checkpoint: the run was stopped before its first one"
+            )
         return iteration
 
     def _read(self, iteration: int, item: str, like: Any) -> Any:

@@ -26,7 +26,9 @@ class Recorder:
         self._seeds = tuple(seeds)
         self._csv = metrics_file.MetricsFile(folder / "metrics.csv", after)
         self._events = [
-            tensorboardX.SummaryWriter(str(folder / "tensorboard" / f"seed_{seed}"), purge_step=after + 1 if after else None)
+            tensorboardX.SummaryWriter(
+                str(folder / "tensorboard" / f"seed_{seed}"), purge_step=after + 1 if after else None
+            )
             for seed in self._seeds
         ]
 

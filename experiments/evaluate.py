@@ -1,0 +1,113 @@
+"""Evaluate the policies of a run: ``python -m experiments.evaluate RUN``; also on another task or in other physics."""
+
+import dataclasses
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import tyro
+
+from experiments.errors import UserError, guarded
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Play complete episodes with the policies of a run, and store rates, steps and returns in its evaluation.json."""
+
+    run: tyro.conf.Positional[Path]
+    """Folder of the run."""
+    episodes: int = 1000
+    """Episodes per seed and policy."""
+    checkpoint: Literal["best", "latest"] = "best"
+    """The parameters with the highest discounted return in training, or the latest ones."""
+    task: str | None = None
+    """Another task, by name or as a formula; the run's own by default."""
+    physics: Literal["mjx", "closed_form"] | None = None
+    """Other physics than the run's."""
+    episode_length: int | None = None
+    """Another time limit, in steps."""
+    gif: bool = False
+    """Also draw an episode again (episode.gif)."""
+
+
+def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 2 for input that cannot be used, 130 after Ctrl-C.
+
+    Args:
+        arguments: of the command line, without the program's name; by default those of this process.
+        build: from a ``Config`` to an ``experiments.build.Experiment``; by default the one of that module.
+    """
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments), build))
+
+
+def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
+    from experiments.command_line import parse
+
+    arguments = parse(Arguments, texts, prog="python -m experiments.evaluate", description=Arguments.__doc__)
+    if arguments.episodes < 1:
+        raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
+    # Imported late: loading JAX takes seconds, which --help and mistakes need not wait for.
+    from t2tl_jax.training.interrupts import Interrupted, StopRequest
+
+    with StopRequest(notice="stopping; nothing is stored") as stop:
+        try:
+            stop.call(lambda: _evaluate(arguments, build))
+        except Interrupted:
+            return stop.leave(0)
+    return 0
+
+
+def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
+    from experiments import compilation_cache, evaluation_run, run_folder
+    from experiments.build import build as default_build
+    from t2tl_jax.evaluation.report import table
+
+    folder, stored = run_folder.open_existing(arguments.run)
+    compilation_cache.use(stored.run.compilation_cache)
+    config = _changed(stored, arguments)
+    experiment = (build or default_build)(config)
+    iteration, params = _params(folder, config, experiment, arguments.checkpoint)
+    what = evaluation_run.settings(config, arguments.checkpoint, iteration, arguments.episodes)
+    print("  ".join(f"{name}: {value}" for name, value in what.items()), flush=True)
+    reports = evaluation_run.evaluate(experiment, config, params, arguments.episodes)
+    evaluation_run.store(folder, what, reports)
+    print(table(reports))
+    if arguments.gif and evaluation_run.draw_episode(experiment, config, params, folder):
+        print(f"drawn: {folder.gif}")
+    print(f"stored: {folder.evaluation}")
+
+
+def _changed(config: Any, arguments: Arguments) -> Any:
+    try:
+        if arguments.task is not None:
+            config = dataclasses.replace(config, task=arguments.task)
+        if arguments.physics is not None:
+            config = dataclasses.replace(config, env=dataclasses.replace(config.env, physics=arguments.physics))
+        if arguments.episode_length is not None:
+            config = dataclasses.replace(config, episode_length=arguments.episode_length)
+        return config
+    except ValueError as error:
+        raise UserError(str(error)) from error
+
+
+def _params(folder: Any, config: Any, experiment: Any, which: Literal["best", "latest"]) -> tuple[int, Any]:
+    """Parameters of every seed, on the device; an error if they do not fit the (possibly other) task."""
+    import jax
+
+    from t2tl_jax.training.checkpoints import CheckpointError, Checkpoints
+    from t2tl_jax.training.seeds import TRAINING, parse_seeds, place, seed_sharding, stream_keys
+
+    seeds = parse_seeds(config.seeds)
+    shapes = jax.eval_shape(jax.vmap(experiment.agent.init), stream_keys(seeds, TRAINING)).params
+    try:
+        with Checkpoints(folder.checkpoints) as checkpoints:
+            iteration, params = checkpoints.restore_params(which, shapes)
+    except CheckpointError as error:
+        raise UserError(f"{error}") from error
+    return iteration, place(params, seed_sharding(len(seeds)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,54 @@
+"""Draw the learning curve of a run again: ``python -m experiments.plot RUN``; finished and interrupted runs alike."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from experiments.errors import UserError, guarded
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Draw learning_curve.png from the metrics.csv of a run."""
+
+    run: tyro.conf.Positional[Path]
+    """Folder of the run."""
+    published: bool = False
+    """Also draw the curves of the paper's ZoneEnv figure (average discounted return on phi_zone)."""
+    output: Path | None = None
+    """File to write; learning_curve.png in the run by default."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command (``arguments`` of the command line by default) and return its exit code: 0 done, 2 bad input."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def _main(texts: list[str]) -> int:
+    from experiments.command_line import parse
+
+    arguments = parse(Arguments, texts, prog="python -m experiments.plot", description=Arguments.__doc__)
+    from experiments import run_folder
+    from experiments.published_curves import ZONE_CURVES
+    from t2tl_jax.evaluation.curves import plot_learning_curves
+    from t2tl_jax.training.metrics_file import MetricsFileError
+
+    folder, config = run_folder.open_existing(arguments.run)
+    target = arguments.output or folder.curves
+    try:
+        plot_learning_curves(
+            folder.metrics, target, f"{config.task} ({folder.path})", ZONE_CURVES if arguments.published else None
+        )
+    except MetricsFileError as error:
+        raise UserError(str(error)) from error
+    except OSError as error:
+        raise UserError(f"cannot write {target}: {error.strerror or error}") from error
+    print(f"drawn: {target}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

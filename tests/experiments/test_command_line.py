@@ -1,0 +1,133 @@
+import dataclasses
+import json
+from pathlib import Path
+
+import fake_learner
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from experiments import command_line, config_files, run
+from experiments.configs import CONFIGS, Config
+from experiments.errors import UserError
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_configs_survive_json(name):
+    config, summary = CONFIGS[name]
+    assert config_files.from_json(config_files.to_json(config), name) == config
+    assert summary
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0, 1), st.integers(1, 10**9), st.text())
+def test_any_values_survive_json(share, frames, task):
+    config = dataclasses.replace(Config(), simultaneous=share, frames=frames, task=task)
+    assert config_files.from_json(config_files.to_json(config), "test") == config
+
+
+def test_published_schedule():
+    ppo = CONFIGS["zone_ppo_published"][0].ppo
+    assert (ppo.num_envs, ppo.rollout_steps, ppo.epochs, ppo.num_minibatches) == (16, 4096, 10, 64)
+    assert -(-CONFIGS["zone_ppo_published"][0].frames // ppo.batch_size) == 153
+
+
+def test_overrides_of_any_depth():
+    flags = ["--ppo.learning-rate", "1e-4", "--frames", "2e5", "--task", "F(Red & F White)"]
+    config = command_line.override(Config(), [*flags, "--network.transformer.layers", "2"])
+    assert config.ppo.learning_rate == 1e-4
+    assert config.frames == 200_000
+    assert config.task == "F(Red & F White)"
+    assert config.network.transformer.layers == 2
+    assert config.ppo.clip == Config().ppo.clip
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--config", "zone_pp"], "did you mean 'zone_ppo'"),
+        (["--config", "zone_ppo", "--ppo.learnin-rate", "1"], "--ppo.learning-rate"),
+        (["--config", "zone_ppo", "--env.physics", "mj"], "Did you mean 'mjx'"),
+        (["--config", "zone_ppo", "--frames", "2.5"], "whole number"),
+        (["--config", "zone_ppo", "--frames", "0"], "at least 1"),
+        (["--config", "zone_ppo", "--seeds", "a"], "seeds are a count"),
+        (["--config", "zone_ppo", "--seeds", "1,1"], "once"),
+        (["--config", "zone_ppo", "--ppo.minibatch-size", "1000"], "minibatch_size must divide"),
+        (["--config"], "expected one argument"),
+        ([], "choose a configuration"),
+        (["--config", "zone_ppo", "--resume", "x"], "leave --config out"),
+        (["--resume", "no/such/run"], "there is no folder"),
+    ],
+)
+def test_mistakes_are_explained_before_anything_is_written(flags, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert (
+        run.main([*flags, *([] if "--resume" in flags else ["--run.compilation-cache", ""])], fake_learner.build) == 2
+    )
+    message = capsys.readouterr().err
+    assert said in " ".join(message.split())
+    assert message.count("\n") < 25
+    assert not list(tmp_path.iterdir())
+
+
+def test_unknown_tasks_are_refused_with_the_nearest(capsys, tmp_path):
+    flags = ["--config", "zone_ppo_closed_form", "--run.folder", str(tmp_path / "runs"), "--run.compilation-cache", ""]
+    assert run.main([*flags, "--task", "phi_zon"]) == 2
+    assert "phi_zone" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
+
+
+def test_help_documents_every_field(capsys):
+    with pytest.raises(SystemExit) as stop:
+        command_line.override(Config(), ["--help"])
+    assert stop.value.code == 0
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "--resume RUN" in text
+
+    def check(config: object, prefix: str = "--") -> None:
+        for field in dataclasses.fields(config):  # type: ignore[arg-type]
+            value = getattr(config, field.name)
+            name = prefix + field.name.replace("_", "-")
+            if dataclasses.is_dataclass(value):
+                check(value, name + ".")
+            else:
+                assert name in text, name
+
+    check(Config())
+
+
+def test_list_names_every_config(capsys):
+    assert run.main(["--list"]) == 0
+    output = capsys.readouterr().out
+    assert all(name in output for name in CONFIGS)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda data: data["ppo"].update(learning_rte=1), "nearest known 'learning_rate'"),
+        (lambda data: data.update(fames=1), "nearest known 'frames'"),
+        (lambda data: data.update(frames="many"), "expected int, got 'many'"),
+        (lambda data: data["run"].update(gif="False"), "expected bool"),
+        (lambda data: data["ppo"].update(discount=2.0), "discount must lie"),
+        (lambda data: data["env"].update(physics="mj"), "physics"),
+    ],
+)
+def test_files_of_other_versions_are_refused(change, said):
+    data = json.loads(config_files.to_json(Config()))
+    change(data)
+    with pytest.raises(UserError, match=said):
+        config_files.from_json(json.dumps(data), "config.json")
+
+
+def test_runs_never_share_a_folder(train):
+    folders = {train("--frames", "100", "--run.evaluation-episodes", "0") for _ in range(3)}
+    assert len(folders) == 3
+
+
+def test_unwritable_folder(capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    flags = ["--config", "zone_ppo", "--run.folder", str(tmp_path / "file"), "--run.compilation-cache", ""]
+    assert run.main(flags, fake_learner.build) == 2
+    assert "cannot create a run" in capsys.readouterr().err
+    assert Path(tmp_path / "file").read_text() == ""

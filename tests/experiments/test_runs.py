@@ -1,0 +1,147 @@
+"""What a run leaves behind, and that stopping and resuming changes nothing of it."""
+
+import csv
+import json
+import shutil
+
+import jax
+import numpy as np
+import pytest
+from fake_learner import make_agent
+from PIL import Image
+
+from t2tl_jax.training.checkpoints import Checkpoints
+from t2tl_jax.training.program import trace
+
+
+def restored(folder, seeds):
+    with Checkpoints(folder / "checkpoints") as checkpoints:
+        iteration, state = checkpoints.restore(trace(make_agent(), seeds).state)
+    data = jax.tree.map(
+        lambda x: jax.random.key_data(x) if jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key) else x, state
+    )
+    return iteration, jax.tree.map(np.asarray, data)
+
+
+def assert_same_run(one, other, seeds):
+    assert (one / "metrics.csv").read_bytes() == (other / "metrics.csv").read_bytes()
+    (a, left), (b, right) = restored(one, seeds), restored(other, seeds)
+    assert a == b
+    jax.tree.map(np.testing.assert_array_equal, left, right)
+
+
+def test_files_of_a_run(train, read_json):
+    folder = train("--frames", "1e3", "--seeds", "0,5", "--run.evaluation-episodes", "20")
+    assert read_json(folder / "config.json")["frames"] == 1000
+    assert read_json(folder / "versions.json")["started"]["packages"]["jax"] == jax.__version__
+    assert read_json(folder / "status.json")["state"] == "finished"
+    assert (folder / "tensorboard" / "seed_5").is_dir()
+    with Image.open(folder / "learning_curve.png") as picture:
+        picture.load()
+    rows = list(csv.DictReader((folder / "metrics.csv").open()))
+    assert [(row["iteration"], row["seed"]) for row in rows] == [(str(i), s) for i in range(1, 11) for s in "05"]
+    assert {row["frames"] for row in rows if row["iteration"] == "3"} == {"300"}
+    assert any(row["episodes"] == "0" for row in rows)
+    for row in rows:
+        assert "nan" not in row.values()
+        assert (row["success_rate"] == "") == (row["episodes"] == "0")
+    policies = read_json(folder / "evaluation.json")["evaluations"][0]["policies"]
+    assert [seed["seed"] for seed in policies["sampled"]["seeds"]] == [0, 5]
+
+
+def test_frames_are_rounded_up_and_explained(train, capsys):
+    folder = train("--frames", "250", "--run.evaluation-episodes", "0")
+    assert "300 frames per seed = 3 iterations x 100 (asked for 250: +50" in capsys.readouterr().out
+    assert restored(folder, (0,))[0] == 3
+
+
+def test_training_longer_equals_training_long(train, resume):
+    long = train("--frames", "1200", "--seeds", "2", "--run.evaluation-episodes", "0")
+    short = train("--frames", "600", "--seeds", "2", "--run.evaluation-episodes", "0")
+    assert resume(short, "--frames", "1200") == 0
+    assert_same_run(long, short, (0, 1))
+
+
+def test_rows_after_the_checkpoint_are_dropped_on_resume(train, resume):
+    long = train("--frames", "1200", "--run.evaluation-episodes", "0")
+    short = train("--frames", "600", "--run.evaluation-episodes", "0")
+    with (short / "metrics.csv").open("a") as file:  # as left by a process killed before its next checkpoint
+        file.write("7,700,0,1,1,0,0,0.5,10,7,0.1,0.2\n8,800,0,1")
+    assert resume(short, "--frames", "1200") == 0
+    assert_same_run(long, short, (0,))
+
+
+def test_a_run_without_checkpoint_starts_over(train, resume):
+    whole = train("--frames", "500", "--run.evaluation-episodes", "0")
+    broken = train("--frames", "500", "--run.evaluation-episodes", "0")
+    shutil.rmtree(broken / "checkpoints")
+    assert resume(broken) == 0
+    assert_same_run(whole, broken, (0,))
+
+
+def test_each_seed_equals_a_run_of_that_seed_alone(train):
+    together = train("--frames", "500", "--seeds", "0,3,7", "--run.evaluation-episodes", "0")
+    alone = train("--frames", "500", "--seeds", "3,", "--run.evaluation-episodes", "0")
+    _, many = restored(together, (0, 3, 7))
+    _, single = restored(alone, (3,))
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a[1], b[0], rtol=1e-4, atol=1e-5), many, single)
+
+
+def test_resuming_a_finished_run_says_so(train, resume, capsys):
+    folder = train("--frames", "200", "--run.evaluation-episodes", "0")
+    before = (folder / "metrics.csv").read_bytes()
+    assert resume(folder) == 0
+    assert "are done" in capsys.readouterr().out
+    assert (folder / "metrics.csv").read_bytes() == before
+
+
+def test_evaluation_command(train, evaluate_run, read_json, capsys):
+    folder = train("--frames", "200", "--seeds", "2", "--run.evaluation-episodes", "0")
+    assert evaluate_run(folder, "--episodes", "400", "--checkpoint", "latest") == 0
+    assert evaluate_run(folder, "--episodes", "400", "--task", "F Red", "--physics", "closed_form") == 0
+    assert evaluate_run(folder, "--episodes", "400", "--checkpoint", "latest") == 0  # replaces the first
+    evaluations = read_json(folder / "evaluation.json")["evaluations"]
+    assert [entry["settings"]["task"] for entry in evaluations] == ["F Red", "phi_zone"]
+    assert evaluations[0]["settings"]["physics"] == "closed_form"
+    rate = evaluations[1]["policies"]["deterministic"]["seeds"][0]["success_rate"]
+    assert rate["low"] < 0.6 < rate["high"] and rate["count"] == 400
+    assert "mean" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda run: shutil.rmtree(run / "checkpoints"), "no complete checkpoint"),
+        (lambda run: [shutil.rmtree(step / "best") for step in (run / "checkpoints").iterdir()], "cannot read 'best'"),
+        (lambda run: (run / "config.json").unlink(), "is not a run"),
+        (lambda run: (run / "config.json").write_text("{"), "not valid JSON"),
+        (lambda run: shutil.rmtree(run), "there is no folder"),
+    ],
+)
+def test_damaged_runs_give_a_message(train, evaluate_run, capsys, damage, said):
+    folder = train("--frames", "200", "--run.evaluation-episodes", "0")
+    damage(folder)
+    capsys.readouterr()
+    assert evaluate_run(folder) == 2
+    message = capsys.readouterr().err
+    assert said in message and message.count("\n") < 25
+
+
+def test_resume_refuses_other_settings(train, resume, capsys):
+    folder = train("--frames", "200", "--run.evaluation-episodes", "0")
+    assert resume(folder, "--ppo.clip", "0.1") == 2
+    assert "ppo" in capsys.readouterr().err
+    data = json.loads((folder / "config.json").read_text())
+    data["seeds"] = "3,"
+    (folder / "config.json").write_text(json.dumps(data))
+    assert resume(folder, "--frames", "400") == 2
+    assert "other seeds" in capsys.readouterr().err
+
+
+def test_a_folder_in_use_is_refused(train, resume, capsys):
+    from experiments.run_folder import RunFolder, locked
+
+    folder = train("--frames", "200", "--run.evaluation-episodes", "0")
+    with locked(RunFolder(folder)):
+        assert resume(folder) == 2
+    assert "another process" in capsys.readouterr().err

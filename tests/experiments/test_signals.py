@@ -1,0 +1,80 @@
+"""Ctrl-C and SIGTERM at every stage: exit code 0, no traceback, a folder that can be resumed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+
+
+def start(folder: Path, frames: str, **delays: str) -> subprocess.Popen:
+    command = [sys.executable, str(HERE / "fake_learner.py"), "--config", "zone_ppo", "--run.folder", str(folder)]
+    command += ["--frames", frames, "--run.compilation-cache", "", "--episode-length", "5"]
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={**os.environ, **delays, "PYTHONUNBUFFERED": "1"},
+    )
+
+
+def read_until(process: subprocess.Popen, text: str) -> str:
+    assert process.stdout is not None
+    seen = ""
+    while text not in seen:
+        character = process.stdout.read(1)
+        assert character, f"the process ended before {text!r}:\n{seen}"
+        seen += character
+    return seen
+
+
+def finish(process: subprocess.Popen) -> str:
+    output, _ = process.communicate(timeout=60)
+    assert "Traceback" not in output, output
+    return output
+
+
+def iterations(folder: Path) -> int:
+    (metrics,) = folder.glob("zone_ppo/*/metrics.csv")
+    return len(metrics.read_text().splitlines()) - 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stop_during_training_saves_and_resumes(tmp_path, resume, number):
+    process = start(tmp_path, "4000", FAKE_SECONDS="0.1")
+    read_until(process, "training:")
+    time.sleep(0.5)
+    process.send_signal(number)
+    output = finish(process)
+    assert process.returncode == 0, output
+    assert "continue with --resume" in output
+    done = iterations(tmp_path)
+    assert 0 < done < 40
+    (run,) = (tmp_path / "zone_ppo").iterdir()
+    assert (run / "learning_curve.png").exists()
+    assert resume(run, "--run.progress", "False", "--run.evaluation-episodes", "0") == 0
+    assert iterations(tmp_path) == 40
+
+
+def test_stop_while_preparing_writes_nothing(tmp_path):
+    process = start(tmp_path, "4000", FAKE_COMPILE_SECONDS="20")
+    time.sleep(8)  # importing takes some seconds, and an interrupt during it is fine as well
+    process.send_signal(signal.SIGINT)
+    finish(process)
+    assert not list(tmp_path.iterdir())
+
+
+def test_stop_during_evaluation_keeps_the_training(tmp_path):
+    process = start(tmp_path, "300", FAKE_EVALUATION_SECONDS="30")
+    read_until(process, "evaluating")
+    process.send_signal(signal.SIGTERM)
+    output = finish(process)
+    assert process.returncode == 0, output
+    assert "the training is complete" in output
+    assert iterations(tmp_path) == 3
