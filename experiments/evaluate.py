@@ -71,6 +71,8 @@ def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
     iteration, params = _params(folder, config, experiment, arguments.checkpoint)
     what = evaluation_run.settings(config, arguments.checkpoint, iteration, arguments.episodes)
     print("  ".join(f"{name}: {value}" for name, value in what.items()), flush=True)
+    if config.task != stored.task and config.network.task_encoder == "one_hot":
+        print("note: a one-hot code does not carry over to another task; its rows now mean other sub-tasks")
     reports = evaluation_run.evaluate(experiment, config, params, arguments.episodes)
     evaluation_run.store(folder, what, reports)
     print(table(reports))

@@ -76,7 +76,7 @@ def locked(folder: RunFolder) -> Iterator[None]:
         UserError: if another process holds it, or the folder cannot be written.
     """
     try:
-        file = open(folder.path / ".lock", "w", encoding="utf-8")
+        file = open(folder.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115, closed below
     except OSError as error:
         raise UserError(f"cannot write to {folder.path}: {error.strerror}") from error
     with file:

@@ -112,7 +112,7 @@ def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
 
 
 def _train(run: Run) -> int:
-    config, total = run.config, run.experiment.iterations
+    total = run.experiment.iterations
     print(_plan(run), flush=True)
     with Checkpoints(run.folder.checkpoints) as checkpoints:
         done, state = _restore(run, checkpoints)

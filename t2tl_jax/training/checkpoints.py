@@ -145,7 +145,7 @@ class Checkpoints:
             raise CheckpointError(
                 f"cannot read '{item}' of checkpoint {self.folder / str(iteration)}: {reason}\n"
                 "It is damaged, or was written by another version or configuration. Checkpoints present: "
-                f"{', '.join(map(str, self._open().all_steps()))}; without the damaged folder the one before it is used."
+                f"{', '.join(map(str, self._open().all_steps()))}; without the damaged folder the one before is used."
             ) from error
 
 

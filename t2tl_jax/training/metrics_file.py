@@ -5,6 +5,7 @@ import io
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ def rows(metrics: Metrics, iteration: int, frames: int, seeds: Sequence[int]) ->
 def _averages(totals: EpisodeTotals, index: int) -> dict[str, float | int | None]:
     episodes, successes = int(totals.episodes[index]), int(totals.successes[index])
 
-    def over(count: int, total: np.ndarray) -> float | None:
+    def over(count: int, total: Any) -> float | None:
         return float(total[index]) / count if count else None
 
     return {
@@ -85,7 +86,7 @@ class MetricsFile:
             self._rewind(after)
         elif self.path.exists():
             self.path.unlink()
-        self._file = open(self.path, "a", newline="", encoding="utf-8")
+        self._file = open(self.path, "a", newline="", encoding="utf-8")  # noqa: SIM115, open for the whole run
 
     def append(self, new_rows: Sequence[Mapping[str, float | int | None]]) -> None:
         """Write rows, and the header before the first of them; the columns must be those of the header."""

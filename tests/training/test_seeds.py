@@ -1,0 +1,61 @@
+import os
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+
+from t2tl_jax.training.seeds import parse_seeds, seed_sharding, stream_keys
+
+
+def test_counts_and_lists():
+    assert parse_seeds("3") == (0, 1, 2)
+    assert parse_seeds("0, 3,7") == (0, 3, 7)
+    assert parse_seeds("7,") == (7,)
+
+
+@pytest.mark.parametrize("text", ["", "0", "-1", "a", "1,1", "1,,2", "1.5", str(2**32) + ",", ","])
+def test_other_texts_are_refused(text):
+    with pytest.raises(ValueError, match="seed"):
+        parse_seeds(text)
+
+
+def test_keys_depend_on_the_seed_alone():
+    together, alone = stream_keys((0, 3, 7), 1), stream_keys((3,), 1)
+    np.testing.assert_array_equal(jax.random.key_data(together)[1], jax.random.key_data(alone)[0])
+
+
+def test_one_device_needs_no_sharding():
+    assert seed_sharding(4, jax.devices()[:1]) is None
+
+
+def test_seeds_over_four_devices_give_the_same_numbers():
+    program = """
+import sys; sys.path.append("tests/experiments")
+import jax, numpy as np
+from fake_learner import make_agent
+from t2tl_jax.training.program import trace
+from t2tl_jax.training.seeds import seed_sharding
+assert len(jax.devices()) == 4 and len(seed_sharding(6).device_set) == 3
+program = trace(make_agent(), range(4))
+state = program.lowered_init.compile()(program.keys)
+iterate = program.lowered_iterate.compile()
+for _ in range(3): state, metrics = iterate(state)
+assert len(state.params["params"]["w"].sharding.device_set) == 4
+print(np.asarray(state.params["params"]["w"]).sum(axis=(1, 2)).tolist())
+"""
+    sums = []
+    for devices in ("4", "1"):
+        text = program if devices == "4" else program.replace("assert len", "pass # ")
+        flags = f"--xla_force_host_platform_device_count={devices}"
+        answer = subprocess.run(
+            [sys.executable, "-c", text], env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True
+        )
+        assert answer.returncode == 0, answer.stderr
+        sums.append(read_list(answer.stdout))
+    np.testing.assert_allclose(*sums, rtol=1e-5)
+
+
+def read_list(text: str) -> list[float]:
+    return [float(part) for part in text.strip().splitlines()[-1].strip("[]").split(",")]
