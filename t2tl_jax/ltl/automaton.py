@@ -79,6 +79,7 @@ def build(
     budget.check_rows(max(classes.values()) + 1)
 
     shown = _shortest_formulas(Display(core, used), roots, explored, classes)
+    budget.check_tokens(max(len(tokens) for tokens in shown.values()))
     row_of_class = _order_rows(explored, classes, shown)
     diagram_of_row = [1, 0] + [0] * (len(row_of_class) - 2)
     row_of_leaf = np.zeros(len(diagrams.variable), np.int32)
@@ -117,7 +118,7 @@ class _Explored:
 
 def _explore(core: Core, roots: list[int], alphabet: str, budget: Budget) -> _Explored:
     """Close the tasks under progression, breadth first; each task has its own atoms, all share the diagrams."""
-    diagrams = Diagrams(alphabet)
+    diagrams = Diagrams(alphabet, budget)
     leaves = Leaves(diagrams)
     explored = _Explored(diagrams, leaves.state_of, {0: 0, 1: 1}, {}, {})
     for root in dict.fromkeys(roots):
@@ -130,7 +131,7 @@ def _explore(core: Core, roots: list[int], alphabet: str, budget: Budget) -> _Ex
             explored.owner[state] = progression
             node = progression.successors(explored.terms[state])
             explored.diagram_of[state] = node
-            queue.extend(sorted(diagrams.leaves(node) - explored.diagram_of.keys()))
+            queue.extend(sorted(s for s in diagrams.leaves(node) if s not in explored.diagram_of))
             budget.check_states(len(explored.diagram_of))
     return explored
 
@@ -165,8 +166,10 @@ def _order_rows(explored: _Explored, classes: dict[int, int], shown: dict[int, T
         if number in rows and number > 1:
             continue
         rows.setdefault(number, len(rows))
-        following = {classes[s] for s in explored.diagrams.leaves(explored.diagram_of[member[number]])} - rows.keys()
-        queue.extend(sorted(following, key=lambda other: (-len(shown[other]), shown[other])))
+        following = {classes[s] for s in explored.diagrams.leaves(explored.diagram_of[member[number]])}
+        queue.extend(
+            sorted((n for n in following if n not in rows), key=lambda other: (-len(shown[other]), shown[other]))
+        )
     return rows
 
 

@@ -10,11 +10,14 @@ MAX_ROWS = 4096
 MAX_TERMS = 2_000
 """Most disjuncts of one progressed formula in disjunctive normal form."""
 
-MAX_WORK = 8_000_000
-"""Most pairs of terms that one compilation may combine: some seconds of Python."""
+MAX_WORK = 60_000_000
+"""Most units of work in one compilation, a unit being about 0.1 microseconds of Python: some seconds."""
 
-MAX_CELLS = 2**27
-"""Most entries (rows x letters) of the transition table: 512 MiB of int32."""
+MAX_TOKENS = 10_000
+"""Most tokens of one row."""
+
+MAX_CELLS = 2**26
+"""Most entries (rows x letters) of the transition table: 256 MiB of int32."""
 
 MAX_PROPOSITIONS = 200
 """Most propositions that the formulas of one table may use (diagrams are as deep as this)."""
@@ -30,7 +33,7 @@ class Budget:
     work: int = 0
 
     def spend(self, amount: int) -> None:
-        """Count `amount` units of work; one unit is one pair of terms or one diagram node."""
+        """Count `amount` units of work: 1 for a pair of terms, some 20 for a diagram node."""
         self.work += amount
         if self.work > self.max_work:
             raise TooLargeError(
@@ -51,6 +54,13 @@ class Budget:
             raise TooLargeError(
                 f"progression reached {count:,} distinct formulas and is not finished; "
                 f"the limit is 8 * max_rows = {8 * self.max_rows:,}: raise max_rows, or simplify the task"
+            )
+
+    def check_tokens(self, count: int) -> None:
+        """Refuse a row whose shortest known formula is unreasonably long."""
+        if count > MAX_TOKENS:
+            raise TooLargeError(
+                f"a progressed formula has {count:,} tokens; the limit is {MAX_TOKENS:,} (budget.MAX_TOKENS)"
             )
 
     def check_rows(self, count: int) -> None:

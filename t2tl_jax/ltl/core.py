@@ -77,14 +77,20 @@ class Core:
         kept = self._irredundant(self.flatten(AND, operands), weaker_goes=True)
         if FALSE in kept or self._complementary(kept):
             return FALSE
-        return TRUE if not kept else kept[0] if len(kept) == 1 else self.make(AND, tuple(kept))
+        if len(kept) < 2:
+            return kept[0] if kept else TRUE
+        merged = self._merge(AND, kept)
+        return self.make(AND, tuple(kept)) if merged is None else self.conjunction(merged)
 
     def disjunction(self, operands: Iterable[int]) -> int:
         """Return the disjunction, without operands that imply others; order is kept."""
         kept = self._irredundant(self.flatten(OR, operands), weaker_goes=False)
         if TRUE in kept or self._complementary(kept):
             return TRUE
-        return FALSE if not kept else kept[0] if len(kept) == 1 else self.make(OR, tuple(kept))
+        if len(kept) < 2:
+            return kept[0] if kept else FALSE
+        merged = self._merge(OR, kept) or self._shorten_untils(kept)
+        return self.make(OR, tuple(kept)) if merged is None else self.disjunction(merged)
 
     def next(self, operand: int) -> int:
         """Return `X operand`; the constants are fixed points, because words are infinite."""
@@ -172,6 +178,54 @@ class Core:
                 kept = [old for old in kept if not self.implies(old, new)]
                 kept.append(new)
         return [x for x in kept if x != (TRUE if weaker_goes else FALSE)]
+
+    def _merge(self, kind: int, operands: list[int]) -> list[int] | None:
+        """Join operands that share an operator; None when there are none.
+
+        `X a & X b` = `X(a & b)`, likewise `|`; `F a | F b` = `F(a | b)`; `(a U c) & (b U c)` = `(a & b) U c`;
+        `(a U b) | (a U c)` = `a U (b | c)`. Each saves a token, and an atom of the states.
+        """
+        groups: dict[tuple[int, int], list[int]] = {}
+        for x in operands:
+            groups.setdefault(self._merge_key(kind, x), []).append(x)
+        if len(groups) == len(operands):
+            return None
+        return [self._merge_group(kind, group) if len(group) > 1 else group[0] for group in groups.values()]
+
+    def _shorten_untils(self, disjuncts: list[int]) -> list[int] | None:
+        """Rewrite untils beside other disjuncts: `a | (a U b)` = `a | b`, `(!a U b) | (!b U a)` = `F(a | b)`."""
+        for i, x in enumerate(disjuncts):
+            if self.kind[x] != UNTIL:
+                continue
+            left, right = self.args[x]
+            for j, y in enumerate(disjuncts):
+                if i != j and self.implies(left, y):
+                    return [*disjuncts[:i], right, *disjuncts[i + 1 :]]
+                if j > i and self.kind[y] == UNTIL:
+                    # Until the first right side holds, both left sides do.
+                    other_left, other_right = self.args[y]
+                    if self.implies(self.negated(left), other_right) and self.implies(self.negated(other_left), right):
+                        rest = [z for z in disjuncts if z not in (x, y)]
+                        return [*rest, self.eventually(self.disjunction([right, other_right]))]
+        return None
+
+    def _merge_key(self, kind: int, number: int) -> tuple[int, int]:
+        kind_of, args = self.kind[number], self.args[number]
+        if kind_of == NEXT or (kind_of == EVENTUALLY and kind == OR):
+            return kind_of, -1
+        if kind_of == UNTIL:
+            return kind_of, args[1] if kind == AND else args[0]
+        return -1, number
+
+    def _merge_group(self, kind: int, group: list[int]) -> int:
+        kind_of, args = self.kind[group[0]], self.args[group[0]]
+        if kind_of == UNTIL and kind == AND:
+            return self.until(self.conjunction(self.args[x][0] for x in group), args[1])
+        join = self.conjunction if kind == AND else self.disjunction
+        inner = join(self.args[x][-1] for x in group)
+        if kind_of == UNTIL:
+            return self.until(args[0], inner)
+        return self.next(inner) if kind_of == NEXT else self.eventually(inner)
 
     def _complementary(self, operands: list[int]) -> bool:
         """Return whether some proposition occurs together with its negation."""

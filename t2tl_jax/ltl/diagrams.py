@@ -10,6 +10,8 @@ branch is always a leaf, and a node is left out when `high` is what its `low` br
 
 import numpy as np
 
+from t2tl_jax.ltl.budget import Budget
+
 EVERY_SUBSET = "every_subset"
 AT_MOST_ONE = "at_most_one"
 ALPHABETS = (EVERY_SUBSET, AT_MOST_ONE)
@@ -27,7 +29,8 @@ class Diagrams:
         zero: per node, the leaf of the letter in which everything is false.
     """
 
-    def __init__(self, alphabet: str) -> None:
+    def __init__(self, alphabet: str, budget: Budget) -> None:
+        self.budget = budget
         self.at_most_one = alphabet == AT_MOST_ONE
         self.variable: list[int] = []
         self.low: list[int] = []
@@ -71,6 +74,7 @@ class Diagrams:
                 found = frozenset((node,))
             else:
                 found = self.leaves(self.low[node]) | self.leaves(self.high[node])
+                self.budget.spend(5 + len(found))
             self._leaves[node] = found
         return found
 
@@ -78,6 +82,7 @@ class Diagrams:
         """Return the diagram with each leaf replaced; `memo` belongs to one `new_leaf`."""
         result = memo.get(node)
         if result is None:
+            self.budget.spend(5)
             variable = self.variable[node]
             if variable == LEAF:
                 result = new_leaf[node]
@@ -94,17 +99,17 @@ class Diagrams:
             int array `[len(roots), letters]`. Every subset: column `sum(2**j for true j)`. At most one: column 0 for
             "none", column `j + 1` for proposition `j`.
         """
-        variable, low, high = np.array(self.variable), np.array(self.low), np.array(self.high)
-        nodes = np.array(roots)
+        variable, low, high, zero, nodes = (
+            np.array(numbers, np.int32) for numbers in (self.variable, self.low, self.high, self.zero, roots)
+        )
         if self.at_most_one:
-            zero = np.array(self.zero)
             columns = []
             for j in reversed(range(num_variables)):
                 decides = variable[nodes] == j
                 columns.append(np.where(decides, high[nodes], zero[nodes]))
                 nodes = np.where(decides, low[nodes], nodes)
             return np.stack([nodes, *reversed(columns)], axis=-1)
-        everything = np.arange(len(variable))
+        everything = np.arange(len(variable), dtype=np.int32)
         for j in reversed(range(num_variables)):
             decides = variable == j
             branch = np.stack([np.where(decides, low, everything), np.where(decides, high, everything)], axis=-1)

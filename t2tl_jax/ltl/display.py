@@ -78,41 +78,10 @@ class Display:
         return self._disjunction(parts)
 
     def _conjunction(self, numbers: list[int]) -> int:
-        return self._join(AND, numbers)
+        return self.core.conjunction(sorted(self.core.flatten(AND, numbers), key=self.rank))
 
     def _disjunction(self, numbers: list[int]) -> int:
-        return self._join(OR, numbers)
-
-    def _join(self, kind: int, numbers: list[int]) -> int:
-        """Join operands in order of rank, merging those that share an operator: `X a & X b` = `X(a & b)`."""
-        core = self.core
-        combine = core.conjunction if kind == AND else core.disjunction
-        if len(numbers) == 1:
-            return numbers[0]
-        groups: dict[tuple[int, int], list[int]] = {}
-        for number in sorted(set(core.flatten(kind, numbers)), key=self.rank):
-            groups.setdefault(self._merge_key(kind, number), []).append(number)
-        merged = [self._merge(kind, group) if len(group) > 1 else group[0] for group in groups.values()]
-        return combine(sorted(merged, key=self.rank))
-
-    def _merge_key(self, kind: int, number: int) -> tuple[int, int]:
-        kind_of, args = self.core.kind[number], self.core.args[number]
-        if kind_of == NEXT or (kind_of == EVENTUALLY and kind == OR):
-            return kind_of, -1
-        if kind_of == UNTIL:
-            # (a U c) & (b U c) share the right side, (a U b) | (a U c) the left.
-            return kind_of, args[1] if kind == AND else args[0]
-        return -1, number
-
-    def _merge(self, kind: int, group: list[int]) -> int:
-        core = self.core
-        kind_of, args = core.kind[group[0]], core.args[group[0]]
-        if kind_of == UNTIL and kind == AND:
-            return core.until(self._conjunction([core.args[x][0] for x in group]), args[1])
-        inner = self._join(kind, [core.args[x][-1] for x in group])
-        if kind_of == UNTIL:
-            return core.until(args[0], inner)
-        return core.next(inner) if kind_of == NEXT else core.eventually(inner)
+        return self.core.disjunction(sorted(self.core.flatten(OR, numbers), key=self.rank))
 
 
 def _atoms(progression: Progression, term: int) -> list[int]:

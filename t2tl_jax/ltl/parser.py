@@ -147,7 +147,9 @@ class _Parser:
             return False
         if text in _BINARY or text == ")":
             after = f" after {self._last()}" if self.pending else ""
-            raise LTLSyntaxError(f"{text!r} has nothing to stand on{after}", self.text, token.position, _OPERAND)
+            raise LTLSyntaxError(
+                f"{text!r} stands where an operand belongs{after}", self.text, token.position, _OPERAND
+            )
         self._push(prop(text), token.position)
         return False
 

@@ -28,9 +28,10 @@ def progress(formula: Formula, label: Collection[str]) -> Formula:
     normal = negation_normal_form(formula)
     propositions = sorted(normal.propositions())
     core = Core(propositions)
-    diagrams = Diagrams(EVERY_SUBSET)
+    budget = Budget()
+    diagrams = Diagrams(EVERY_SUBSET, budget)
     leaves = Leaves(diagrams)
-    progression = Progression(core, core.add(normal), leaves, Budget())
+    progression = Progression(core, core.add(normal), leaves, budget)
     node = progression.successors(progression.root)
     while diagrams.variable[node] != LEAF:
         is_true = propositions[diagrams.variable[node]] in label

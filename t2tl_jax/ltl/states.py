@@ -104,12 +104,12 @@ class Progression:
 
     def _combine(self, is_and: bool, a: State, b: State) -> State:
         if is_and:
-            self.budget.spend(len(a) * len(b))
+            self.budget.spend(10 + 2 * len(a) * len(b))
             terms = {x | y for x in a for y in b}
             for pair in self._contradictions:
                 terms = {x for x in terms if x & pair != pair}
         else:
-            self.budget.spend(len(a) + len(b))
+            self.budget.spend(10 + len(a) + len(b))
             terms = set(a | b)
         if len(terms) < 2:
             return frozenset(terms)
@@ -123,7 +123,7 @@ class Progression:
                     break
             else:
                 kept.append(term)
-        self.budget.spend(len(kept) * len(terms) // 4)
+        self.budget.spend(len(kept) * len(terms) // 2)
         return frozenset(kept)
 
     def irredundant(self, term: int) -> int:
@@ -197,7 +197,7 @@ class Progression:
         result = self._memo.get(key)
         if result is not None:
             return result
-        self.budget.spend(1)
+        self.budget.spend(20)
         diagrams = self.diagrams
         variable_a, variable_b = diagrams.variable[a], diagrams.variable[b]
         top = max(variable_a, variable_b)

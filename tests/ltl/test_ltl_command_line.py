@@ -1,0 +1,63 @@
+"""`python -m t2tl_jax.ltl`: what it prints, and how it fails."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from t2tl_jax.ltl.__main__ import main
+from t2tl_jax.ltl.guards import cover
+
+
+def test_prints_rows_and_word(capsys):
+    assert main(["!Red U (Black & F White)", "--word", "Black; ;White"]) == 0
+    out = capsys.readouterr().out
+    assert "row 2 [open]   <- task 0" in out and "Black & White" in out
+    assert [line.split("  ")[0].strip() for line in out.splitlines()[-4:]] == [
+        "start",
+        "1 {Black}",
+        "2 {}",
+        "3 {White}",
+    ]
+    assert [line[22:27].strip() for line in out.splitlines()[-4:]] == ["open", "open", "open", "true"]
+
+
+def test_dot(capsys):
+    assert main(["F(a & F b)", "--dot", "--alphabet", "at_most_one"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("digraph tasks {") and out.rstrip().endswith("}")
+    assert '2 -> 3 [label="a"];' in out and '3 -> 0 [label="b"];' in out and '"b | otherwise"' in out
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["a U"], "^"),
+        (["G a"], "not co-safe"),
+        (["phi_watr"], 'did you mean "phi_water"'),
+        (["F a", "--word", "b"], "known: a"),
+        (["F a & F b", "--max-rows", "3"], "max_rows"),
+        ([], "at least one formula"),
+    ],
+)
+def test_errors_are_messages(argv, message, capsys):
+    assert main(argv) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: ") and message in captured.err and not captured.out
+
+
+def test_starts_without_jax():
+    code = "import sys, t2tl_jax.ltl.__main__ as m; m.main(['F a']); sys.exit('jax' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and "row 2 [open]" in done.stdout, done.stderr
+
+
+def test_cover_is_exact():
+    rng = np.random.default_rng(0)
+    for size in (0, 1, 2, 3, 5):
+        for density in (0.2, 0.5, 0.9):
+            letters = rng.random(2**size) < density
+            cubes = cover(letters)
+            for letter, wanted in enumerate(letters):
+                assert wanted == any(all(bool(letter >> j & 1) == value for j, value in cube) for cube in cubes)
