@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from t2tl_jax.ltl.budget import MAX_CELLS, MAX_PROPOSITIONS, MAX_ROWS, Budget
+from t2tl_jax.ltl.budget import MAX_CELLS, MAX_PROPOSITIONS, MAX_ROWS, MAX_WORK, MORE_WORK_PER_TASK, Budget
 from t2tl_jax.ltl.core import Core
 from t2tl_jax.ltl.diagrams import ALPHABETS, AT_MOST_ONE, EVERY_SUBSET, Diagrams
 from t2tl_jax.ltl.display import Display, Tokens
@@ -68,7 +68,7 @@ def build(
     tasks = [formulas] if isinstance(formulas, str | Formula) else list(formulas)
     normal = [negation_normal_form(parse(task) if isinstance(task, str) else task) for task in tasks]
     names, used = _check(normal, propositions, alphabet)
-    budget = Budget(max_rows=max_rows)
+    budget = Budget(max_rows=max_rows, max_work=MAX_WORK + MORE_WORK_PER_TASK * len(tasks))
     core = Core([names[index] for index in used])
     roots = [core.add(formula) for formula in normal]
 

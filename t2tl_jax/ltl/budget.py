@@ -10,8 +10,11 @@ MAX_ROWS = 4096
 MAX_TERMS = 2_000
 """Most disjuncts of one progressed formula in disjunctive normal form."""
 
-MAX_WORK = 60_000_000
-"""Most units of work in one compilation, a unit being about 0.1 microseconds of Python: some seconds."""
+MAX_WORK = 30_000_000
+"""Most units of work in one compilation, a unit being some 0.2 microseconds of Python: several seconds."""
+
+MORE_WORK_PER_TASK = 500_000
+"""What each further task adds to `MAX_WORK`, so that a table of many small tasks is not refused for its number."""
 
 MAX_TOKENS = 10_000
 """Most tokens of one row."""

@@ -78,10 +78,17 @@ class Display:
         return self._disjunction(parts)
 
     def _conjunction(self, numbers: list[int]) -> int:
-        return self.core.conjunction(sorted(self.core.flatten(AND, numbers), key=self.rank))
+        return self._sorted(self.core.conjunction(sorted(self.core.flatten(AND, numbers), key=self.rank)))
 
     def _disjunction(self, numbers: list[int]) -> int:
-        return self.core.disjunction(sorted(self.core.flatten(OR, numbers), key=self.rank))
+        return self._sorted(self.core.disjunction(sorted(self.core.flatten(OR, numbers), key=self.rank)))
+
+    def _sorted(self, number: int) -> int:
+        """Put operands in order of rank again, where rewriting has moved them."""
+        kind = self.core.kind[number]
+        if kind not in (AND, OR):
+            return number
+        return self.core.make(kind, tuple(sorted(self.core.args[number], key=self.rank)))
 
 
 def _atoms(progression: Progression, term: int) -> list[int]:
