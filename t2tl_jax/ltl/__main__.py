@@ -1,5 +1,6 @@
 """Show what a task compiles to: `python -m t2tl_jax.ltl 'F(a & F b)' --word 'a; ; a,b'`."""
 
+import os
 import sys
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -36,7 +37,9 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command; return the exit code: 0, or 2 for a formula or word that cannot be used."""
     arguments = tyro.cli(Arguments, args=argv, prog="python -m t2tl_jax.ltl", description=Arguments.__doc__)
     try:
-        print(run(arguments))
+        print(run(arguments), flush=True)
+    except BrokenPipeError:  # the reader (`| head`) has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except LTLError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
