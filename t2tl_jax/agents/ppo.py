@@ -50,6 +50,10 @@ class PPOConfig:
     """Weight of the value loss."""
     entropy_coefficient: float = 0.01
     """Weight of the entropy, which is averaged over action dimensions as published."""
+    noise_time: float = 0.0
+    """Correlation time of the exploration noise at the start of the run, in steps; 0 is white noise."""
+    noise_decay: float = 1.0
+    """Share of the run over which the correlation time falls linearly to 0."""
     max_gradient_norm: float = 0.5
     """Global norm at which gradients are clipped."""
     normalise_advantage: bool = False
@@ -87,6 +91,7 @@ class PPOState:
     params: Params
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
+    noise: jax.Array  # float32[N, A], the last exploration noise (unit variance)
     key: jax.Array
     iteration: jax.Array  # int32
     best_params: Params
@@ -111,6 +116,12 @@ MINIMUM_SCORED_EPISODES = 16
 def log_probability(mean: jax.Array, std: jax.Array, action: jax.Array) -> jax.Array:
     """Log-density of a diagonal Gaussian, summed over the last axis."""
     return norm.logpdf(action, mean, std).sum(axis=-1)
+
+
+def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
+    """Correlation of successive exploration noises, exp(-1 / time), where the time falls linearly with `progress`."""
+    time = config.noise_time * jnp.maximum(0.0, 1.0 - progress / config.noise_decay)
+    return jnp.where(time > 0, jnp.exp(-1.0 / jnp.maximum(time, 1e-3)), 0.0)
 
 
 def ppo_loss(
@@ -170,7 +181,7 @@ def make_ppo(
         return mean if deterministic else mean + std * jax.random.normal(key, mean.shape)
 
     def init(key: jax.Array) -> PPOState:
-        params_key, episodes_key, limit_key, key = jax.random.split(key, 4)
+        params_key, episodes_key, limit_key, noise_key, key = jax.random.split(key, 5)
         keys = jax.random.split(episodes_key, config.num_envs)
         limits = jnp.full(config.num_envs, episode_length)
         if config.staggered_start:
@@ -183,21 +194,30 @@ def make_ppo(
             params=params,
             opt_state=optimizer.init(params),
             episodes=episodes,
+            noise=jax.random.normal(noise_key, (config.num_envs, env.action_size)),
             key=key,
             iteration=jnp.int32(0),
             best_params=params,
             best_score=jnp.float32(-jnp.inf),
         )
 
-    def collect(params: Params, episodes: Episode, key: jax.Array) -> tuple[Episode, Transitions, EpisodeTotals]:
-        embedding = embed(params)
+    def collect(
+        state: PPOState, key: jax.Array
+    ) -> tuple[jax.Array, Episode, Transitions, EpisodeTotals]:
+        embedding = embed(state.params)
+        correlation = noise_correlation(config, state.iteration / iterations)
 
-        def policy(obs: jax.Array, row: jax.Array, key: jax.Array) -> tuple[jax.Array, jax.Array]:
-            mean, std = network.apply(params, obs, embedding[row], method="policy")
-            action = mean + std * jax.random.normal(key, mean.shape)
-            return action, log_probability(mean, std, action)
+        def policy(noise: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array):
+            mean, std = network.apply(state.params, obs, embedding[row], method="policy")
+            # White noise on this bang-bang robot averages out within a metre; noise that persists carries it along.
+            # Every action is still N(mean, std) by itself, which is the density that the loss uses.
+            noise = correlation * noise + jnp.sqrt(1 - correlation**2) * jax.random.normal(key, mean.shape)
+            action = mean + std * noise
+            return noise, action, log_probability(mean, std, action)
 
-        return rollout(env, policy, episodes, key, config.rollout_steps, episode_length, config.discount)
+        return rollout(
+            env, policy, state.noise, state.episodes, key, config.rollout_steps, episode_length, config.discount
+        )
 
     def make_batch(params: Params, transitions: Transitions) -> Batch:
         embedding = embed(params)
@@ -243,7 +263,7 @@ def make_ppo(
         key, rollout_key, epochs_key = jax.random.split(state.key, 3)
 
         # COLLECT
-        episodes, transitions, totals = collect(state.params, state.episodes, rollout_key)
+        noise, episodes, transitions, totals = collect(state, rollout_key)
 
         # ADVANTAGE
         batch = make_batch(state.params, transitions)
@@ -263,6 +283,7 @@ def make_ppo(
             params=params,
             opt_state=opt_state,
             episodes=episodes,
+            noise=noise,
             key=key,
             iteration=state.iteration + 1,
             best_params=jax.tree.map(lambda new, old: jnp.where(is_best, new, old), state.params, state.best_params),

@@ -32,6 +32,8 @@ class NetworkConfig:
     """Hidden sizes of the actor."""
     critic_layers: tuple[int, ...] = (64, 64)
     """Hidden sizes of the critic."""
+    mean_scale: float = 1.0
+    """Length of the mean head's initial weights: 1 as published, 0 for a robot that at first only explores."""
     value_scale: float = 1.0
     """Length of the value head's initial weights: 1 as published, 0 for a critic that starts without an opinion."""
     observation: Literal["symlog", "raw"] = "symlog"
@@ -65,12 +67,13 @@ class Actor(nn.Module):
 
     layers: tuple[int, ...]
     action_size: int
+    output_scale: float
 
     @nn.compact
     def __call__(self, features: jax.Array) -> tuple[jax.Array, jax.Array]:
         """features [..., D] -> (mean, std), each [..., action_size]."""
         x = _mlp(features, self.layers, nn.relu, "dense")
-        mean = MEAN_RANGE * jnp.tanh(nn.Dense(self.action_size, kernel_init=unit_norm(), name="mean")(x))
+        mean = MEAN_RANGE * jnp.tanh(nn.Dense(self.action_size, kernel_init=unit_norm(self.output_scale), name="mean")(x))
         std = nn.softplus(jnp.tanh(nn.Dense(self.action_size, kernel_init=unit_norm(), name="std")(x))) + MINIMUM_STD
         return mean, std
 
@@ -101,7 +104,7 @@ class ActorCritic(nn.Module):
         """Name the parts; parameters live under these names in checkpoints."""
         self.task_encoder: TaskEncoder = make_task_encoder(self.config)
         self.environment_encoder = EnvironmentEncoder(self.config)
-        self.actor = Actor(self.config.actor_layers, self.action_size)
+        self.actor = Actor(self.config.actor_layers, self.action_size, self.config.mean_scale)
         self.critic = Critic(self.config.critic_layers, self.config.value_scale)
 
     def embed(self, table: TaskTable) -> jax.Array:

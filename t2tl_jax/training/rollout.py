@@ -1,6 +1,7 @@
 """Rollouts of many environments in one scan, and generalised advantage estimation."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -26,20 +27,30 @@ class Transitions:
     next_row: jax.Array  # int32[T, N]
 
 
-# (obs [N, O], row [N], key) -> (action [N, A], log_prob [N])
-Policy = Callable[[jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
+# (memory, obs [N, O], row [N], key) -> (memory, action [N, A], log_prob [N]); the memory is whatever the policy needs to
+# remember from step to step, such as the last exploration noise.
+Memory = Any
+Policy = Callable[[Memory, jax.Array, jax.Array, jax.Array], tuple[Memory, jax.Array, jax.Array]]
 
 
 def rollout(
-    env: TaskEnv, policy: Policy, episodes: Episode, key: jax.Array, steps: int, limit: int, discount: float
-) -> tuple[Episode, Transitions, EpisodeTotals]:
+    env: TaskEnv,
+    policy: Policy,
+    memory: Memory,
+    episodes: Episode,
+    key: jax.Array,
+    steps: int,
+    limit: int,
+    discount: float,
+) -> tuple[Memory, Episode, Transitions, EpisodeTotals]:
     """Act for `steps` steps in the N environments of `episodes`; returns the totals of all episodes that ended."""
     num_envs = episodes.elapsed.shape[0]
 
-    def step(episodes: Episode, key: jax.Array) -> tuple[Episode, tuple[Transitions, EpisodeTotals]]:
+    def step(carry: tuple[Memory, Episode], key: jax.Array):
+        memory, episodes = carry
         act_key, reset_key = jax.random.split(key)
         obs, row = episodes.state.obs, episodes.state.pipeline_state.row
-        action, log_prob = policy(obs, row, act_key)
+        memory, action, log_prob = policy(memory, obs, row, act_key)
         reset_keys = jax.random.split(reset_key, num_envs)
         episodes, outcome = jax.vmap(advance, (None, 0, 0, 0, None, None))(
             env, episodes, action, reset_keys, limit, discount
@@ -55,10 +66,10 @@ def rollout(
             next_obs=outcome.next_obs,
             next_row=outcome.next_row,
         )
-        return episodes, (transition, outcome.totals)
+        return (memory, episodes), (transition, outcome.totals)
 
-    episodes, (transitions, totals) = jax.lax.scan(step, episodes, jax.random.split(key, steps))
-    return episodes, transitions, jax.tree.map(jnp.sum, totals)
+    (memory, episodes), (transitions, totals) = jax.lax.scan(step, (memory, episodes), jax.random.split(key, steps))
+    return memory, episodes, transitions, jax.tree.map(jnp.sum, totals)
 
 
 def generalised_advantages(
