@@ -36,7 +36,7 @@ def trace(agent: Agent, seeds: Sequence[int]) -> Program:
         TypeError: if ``agent.iterate`` returns a state of other shapes or dtypes than it was given.
     """
     sharding = seed_sharding(len(seeds))
-    placement = {} if sharding is None else {"in_shardings": sharding, "out_shardings": sharding}
+    placement: dict[str, Any] = {} if sharding is None else {"in_shardings": sharding, "out_shardings": sharding}
     keys = stream_keys(seeds, TRAINING)
     if sharding is not None:
         keys = jax.device_put(keys, sharding)

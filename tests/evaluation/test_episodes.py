@@ -11,7 +11,7 @@ from t2tl_jax.evaluation.report import summarise, table
 from t2tl_jax.training.seeds import EVALUATION, TRAINING, stream_keys
 
 sys.path.append(str(Path(__file__).parents[1] / "experiments"))
-from fake_learner import SUCCESS, VIOLATION, FakeEnv, make_agent  # noqa: E402
+from fake_learner import SUCCESS, VIOLATION, FakeEnv, make_agent
 
 
 @pytest.fixture(scope="module")

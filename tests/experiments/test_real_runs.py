@@ -44,9 +44,14 @@ def test_every_config_trains_one_iteration(name):
 
 def test_vmapped_seeds_equal_single_seeds():
     config = reduced("zone_ppo_closed_form")
+    # One step of physics only: the robot's yaw servo is unstable, so that rounding (1e-5 in velocity after one step)
+    # grows to 1e-3 in position within eight. And Adam divides by the size of a gradient: with its usual epsilon, one
+    # that is zero but for rounding moves a parameter by a whole learning rate. What remains is the learner itself.
+    ppo = dataclasses.replace(config.ppo, num_envs=16, rollout_steps=1, minibatch_size=8, epochs=2, adam_epsilon=1e-2)
+    config = dataclasses.replace(config, ppo=ppo)
     many, _ = iterate_once(config, (0, 3, 7))
     single, _ = iterate_once(config, (3,))
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a[1], b[0], rtol=1e-3, atol=1e-5), many.params, single.params)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a[1], b[0], rtol=0, atol=1e-6), many.params, single.params)
 
 
 def test_train_resume_evaluate_draw(tmp_path):
