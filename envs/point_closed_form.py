@@ -87,13 +87,10 @@ class ClosedFormPoint:
         Exact away from the walls. At a wall it stops dead instead of touching it softly, and is not turned by it.
         """
         action = clip_action(action)
-        x, y, heading = state.qpos
-        vx, vy, turn = state.qvel
-        cos, sin = jnp.cos(heading), jnp.sin(heading)
-        for _ in range(substeps):
-            x, y, heading, vx, vy, turn, cos, sin = jax.lax.optimization_barrier(
-                (x, y, heading, vx, vy, turn, cos, sin)
-            )
+        cos, sin = jnp.cos(state.qpos[2]), jnp.sin(state.qpos[2])
+
+        def substep(carry: tuple[jax.Array, ...], _: None) -> tuple[tuple[jax.Array, ...], None]:
+            x, y, heading, vx, vy, turn, cos, sin = carry
             along, aside = cos * vx + sin * vy, cos * vy - sin * vx
             d_along, d_aside, d_turn = _solve(_forces(along, aside, turn, action), TIMESTEP)
             along, aside, turn = along + TIMESTEP * d_along, aside + TIMESTEP * d_aside, turn + TIMESTEP * d_turn
@@ -107,7 +104,12 @@ class ClosedFormPoint:
             cos, sin = cos * d_cos - sin * d_sin, sin * d_cos + cos * d_sin
             x, vx, vy = _stop_at_wall(x, vx, vy, *wall_distance(cos, sin))
             y, vy, vx = _stop_at_wall(y, vy, vx, *wall_distance(sin, cos))
-        return PointState(qpos=jnp.stack([x, y, heading]), qvel=jnp.stack([vx, vy, turn]))
+            return (x, y, heading, vx, vy, turn, cos, sin), None
+
+        # A loop, not ten copies of its body: older XLA (jaxlib 0.9) fuses the copies into one kernel that recomputes
+        # every substep for each of its uses, which takes for ever.
+        carry, _ = jax.lax.scan(substep, (*state.qpos, *state.qvel, cos, sin), None, length=substeps)
+        return PointState(qpos=jnp.stack(carry[:3]), qvel=jnp.stack(carry[3:6]))
 
     def acceleration(self, state: PointState, action: jax.Array) -> jax.Array:
         """Acceleration of the body origin in the body frame, ``float32[2]`` in m/s^2, when no wall is touched."""
