@@ -79,7 +79,11 @@ def _stop_at_wall(
 
 
 class ClosedFormPoint:
-    """Physics without MuJoCo, for speed; exact unless a wall is touched."""
+    """Physics without MuJoCo, for speed; exact unless a wall is touched.
+
+    After 20 ms at a wall, positions differ from the original scene by 3 mm (median; 95 %: 10 mm) and velocities by
+    0.10 m/s (0.38 m/s), and the accelerometer does not feel the wall. The stopping distances are those of the original.
+    """
 
     def step(self, state: PointState, action: jax.Array, substeps: int = SUBSTEPS) -> PointState:
         """The robot after ``substeps`` substeps of 2 ms under a held ``action`` of ``float32[2]``.
