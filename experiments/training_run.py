@@ -85,6 +85,8 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
         raise UserError(
             f"a resumed run keeps its configuration; only --frames and --run.* apply, not {', '.join(changed)}"
         )
+    if config.frames != stored.frames:
+        print(f"frames {stored.frames:,} -> {config.frames:,}: schedules over the length of the run now end elsewhere")
     with run_folder.locked(folder), StopRequest() as stop:
         try:
             experiment, seeds, program = stop.call(lambda: _prepare(config, build))

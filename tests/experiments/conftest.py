@@ -1,4 +1,5 @@
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,6 +24,22 @@ def train(tmp_path: Path) -> Callable[..., Path]:
         return new
 
     return command
+
+
+@pytest.fixture(scope="session")
+def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of two iterations, not to be changed."""
+    base = tmp_path_factory.mktemp("finished")
+    flags = ["--config", "zone_ppo", "--run.folder", str(base), *QUIET, "--frames", "200"]
+    assert run.main([*flags, "--run.evaluation-episodes", "0"], build=fake_learner.build) == 0
+    (folder,) = (base / "zone_ppo").iterdir()
+    return folder
+
+
+@pytest.fixture
+def finished(finished_run: Path, tmp_path: Path) -> Path:
+    """A copy of that run."""
+    return Path(shutil.copytree(finished_run, tmp_path / "copy"))
 
 
 @pytest.fixture

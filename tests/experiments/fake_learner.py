@@ -99,7 +99,7 @@ def make_agent() -> Agent:
             best_params=jax.tree.map(lambda a, b: jnp.where(better, a, b), state.params, state.best_params),
             best_score=jnp.maximum(-value, state.best_score),
         )
-        return new, Metrics(totals, {"loss": value, "gradient_norm": optax.global_norm(gradient)})
+        return new, Metrics(totals, {"loss": value, "gradient_norm": optax.tree.norm(gradient)})
 
     def embed(params: Any) -> jax.Array:
         if delay := float(os.environ.get("FAKE_EVALUATION_SECONDS", "0")):

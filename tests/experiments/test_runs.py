@@ -87,8 +87,8 @@ def test_each_seed_equals_a_run_of_that_seed_alone(train):
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a[1], b[0], rtol=1e-4, atol=1e-5), many, single)
 
 
-def test_resuming_a_finished_run_says_so(train, resume, capsys):
-    folder = train("--frames", "200", "--run.evaluation-episodes", "0")
+def test_resuming_a_finished_run_says_so(finished, resume, capsys):
+    folder = finished
     before = (folder / "metrics.csv").read_bytes()
     assert resume(folder) == 0
     assert "are done" in capsys.readouterr().out
@@ -118,8 +118,8 @@ def test_evaluation_command(train, evaluate_run, read_json, capsys):
         (lambda run: shutil.rmtree(run), "there is no folder"),
     ],
 )
-def test_damaged_runs_give_a_message(train, evaluate_run, capsys, damage, said):
-    folder = train("--frames", "200", "--run.evaluation-episodes", "0")
+def test_damaged_runs_give_a_message(finished, evaluate_run, capsys, damage, said):
+    folder = finished
     damage(folder)
     capsys.readouterr()
     assert evaluate_run(folder) == 2
@@ -127,8 +127,8 @@ def test_damaged_runs_give_a_message(train, evaluate_run, capsys, damage, said):
     assert said in message and message.count("\n") < 25
 
 
-def test_resume_refuses_other_settings(train, resume, capsys):
-    folder = train("--frames", "200", "--run.evaluation-episodes", "0")
+def test_resume_refuses_other_settings(finished, resume, capsys):
+    folder = finished
     assert resume(folder, "--ppo.clip", "0.1") == 2
     assert "ppo" in capsys.readouterr().err
     data = json.loads((folder / "config.json").read_text())
@@ -138,10 +138,10 @@ def test_resume_refuses_other_settings(train, resume, capsys):
     assert "other seeds" in capsys.readouterr().err
 
 
-def test_a_folder_in_use_is_refused(train, resume, capsys):
+def test_a_folder_in_use_is_refused(finished, resume, capsys):
     from experiments.run_folder import RunFolder, locked
 
-    folder = train("--frames", "200", "--run.evaluation-episodes", "0")
+    folder = finished
     with locked(RunFolder(folder)):
         assert resume(folder) == 2
     assert "another process" in capsys.readouterr().err
