@@ -107,6 +107,7 @@ _PUBLISHED = Config(
             norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True
         ),
         observation="raw",
+        mean_scale=1.0,
         value_scale=1.0,
     ),
     ppo=PPOConfig(
@@ -123,6 +124,7 @@ _PUBLISHED = Config(
         clip_value=True,
         value_coefficient=0.5,
         entropy_coefficient=0.003,
+        noise_time=0.0,
         max_gradient_norm=0.5,
         normalise_advantage=False,
         timeout_is_terminal=True,

@@ -22,7 +22,7 @@ class TaskState:
 
 
 class TaskEnv(Env):
-    """An environment in which the agent is rewarded for satisfying a formula (brax interface, unbatched, no time limit).
+    """An environment that rewards the agent for satisfying a formula (brax interface, unbatched, no time limit).
 
     `simultaneous` is the share of episodes that start in a random open row of the table instead of a task's first row:
     the on-policy form of the paper's learning on the extended set Psi of progressed sub-tasks.

@@ -1,4 +1,4 @@
-"""The actor-critic of the published code: environment encoder, task embedding, Gaussian actor, critic (t2tl, section 6.1)."""
+"""The actor-critic of the published code: environment encoder, task embedding, Gaussian actor, critic."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -34,7 +34,7 @@ class NetworkConfig:
     """Hidden sizes of the critic."""
     mean_scale: float = 1.0
     """Length of the mean head's initial weights: 1 as published, 0 for a robot that at first only explores."""
-    value_scale: float = 1.0
+    value_scale: float = 0.0
     """Length of the value head's initial weights: 1 as published, 0 for a critic that starts without an opinion."""
     observation: Literal["symlog", "raw"] = "symlog"
     """Squash observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as published."""
@@ -73,7 +73,9 @@ class Actor(nn.Module):
     def __call__(self, features: jax.Array) -> tuple[jax.Array, jax.Array]:
         """features [..., D] -> (mean, std), each [..., action_size]."""
         x = _mlp(features, self.layers, nn.relu, "dense")
-        mean = MEAN_RANGE * jnp.tanh(nn.Dense(self.action_size, kernel_init=unit_norm(self.output_scale), name="mean")(x))
+        mean = MEAN_RANGE * jnp.tanh(
+            nn.Dense(self.action_size, kernel_init=unit_norm(self.output_scale), name="mean")(x)
+        )
         std = nn.softplus(jnp.tanh(nn.Dense(self.action_size, kernel_init=unit_norm(), name="std")(x))) + MINIMUM_STD
         return mean, std
 

@@ -1,7 +1,7 @@
 """The Transformer encoder of the paper: tokens or vectors in, one vector out.
 
-Defaults are the paper's text (sinusoidal positions, pre-LN, padding masked out). Every departure of the authors' code is
-a switch: `norm="post"`, `positions="none"`, `masked=False`, `norm_after_pooling=True`, `t_fixup=True`.
+Defaults are the paper's text (sinusoidal positions, pre-LN, padding masked out). Every departure of the authors' code
+is a switch: `norm="post"`, `positions="none"`, `masked=False`, `norm_after_pooling=True`, `t_fixup=True`.
 """
 
 from dataclasses import dataclass
@@ -60,7 +60,7 @@ def sinusoidal_positions(length: int, width: int) -> np.ndarray:
 
 
 class EncoderLayer(nn.Module):
-    """Self-attention and a position-wise network, each with a residual connection: x' = MSA(LN x) + x, MLP(LN x') + x'."""
+    """Self-attention, then a position-wise network, each beside a skip: x' = MSA(LN x) + x, then MLP(LN x') + x'."""
 
     config: TransformerConfig
 

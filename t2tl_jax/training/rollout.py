@@ -27,8 +27,8 @@ class Transitions:
     next_row: jax.Array  # int32[T, N]
 
 
-# (memory, obs [N, O], row [N], key) -> (memory, action [N, A], log_prob [N]); the memory is whatever the policy needs to
-# remember from step to step, such as the last exploration noise.
+# (memory, obs [N, O], row [N], key) -> (memory, action [N, A], log_prob [N]); the memory is whatever the policy needs
+# to remember from step to step, such as the last exploration noise.
 Memory = Any
 Policy = Callable[[Memory, jax.Array, jax.Array, jax.Array], tuple[Memory, jax.Array, jax.Array]]
 
@@ -83,8 +83,8 @@ def generalised_advantages(
 ) -> jax.Array:
     """GAE (Schulman et al., 2016) over the leading time axis; all inputs and the result are [T, ...].
 
-    `next_value` is the value of s' before any reset. Termination zeroes it; truncation keeps it (bootstrapping) but, like
-    termination, ends the sum over later advantages, which belong to another episode.
+    `next_value` is the value of s' before any reset. Termination zeroes it; truncation keeps it (bootstrapping) but,
+    like termination, ends the sum over later advantages, which belong to another episode.
     """
     delta = reward + discount * jnp.where(terminated, 0.0, next_value) - value
     carry_on = jnp.where(terminated | truncated, 0.0, discount * gae_lambda)

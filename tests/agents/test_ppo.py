@@ -1,4 +1,4 @@
-"""PPO: the replayed rollout has ratio 1, tables give the per-sample gradients, a probe is solved, seeds are independent."""
+"""PPO: replayed rollouts have ratio 1, tables give per-sample gradients, a probe is solved, seeds are independent."""
 
 import dataclasses
 
@@ -8,12 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.ppo import Batch, PPOConfig, log_probability, make_ppo, ppo_loss
+from t2tl_jax.agents.ppo import Batch, PPOConfig, make_ppo, noise_correlation, ppo_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.rollout import rollout
 from tests.probe import ProbeEnv
 
 NETWORK = NetworkConfig(
@@ -22,7 +21,16 @@ NETWORK = NetworkConfig(
     actor_layers=(16,),
     critic_layers=(16,),
 )
-PPO = PPOConfig(num_envs=16, rollout_steps=16, epochs=4, minibatch_size=64, discount=0.9, gae_lambda=0.9, learning_rate=3e-3)
+PPO = PPOConfig(
+    num_envs=16,
+    rollout_steps=16,
+    epochs=4,
+    minibatch_size=64,
+    discount=0.9,
+    gae_lambda=0.9,
+    learning_rate=3e-3,
+    noise_time=0,
+)
 
 
 @pytest.fixture(scope="module")
@@ -35,22 +43,28 @@ def make(env, iterations=60, **changes):
     return make_ppo(env, NETWORK, dataclasses.replace(PPO, **changes), episode_length=20, iterations=iterations)
 
 
-def test_replaying_a_stored_rollout_gives_probability_ratio_one(env):
-    agent = make(env)
+@pytest.mark.parametrize("noise_time", [0.0, 20.0])
+def test_replaying_a_stored_rollout_gives_probability_ratio_one(env, noise_time):
+    """One epoch of one minibatch with a vanishing learning rate: the update sees what the rollout did."""
+    agent = make(env, noise_time=noise_time, epochs=1, minibatch_size=256, learning_rate=0.0)
     state = agent.init(jax.random.key(0))
-    network = ActorCritic(NETWORK, env.action_size)
-    embedding = agent.embed(state.params)
+    state, metrics = jax.jit(agent.iterate)(state)
+    assert metrics.episodes.episodes > 0  # the rollout crosses episode ends
+    assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
 
-    def policy(obs, row, key):
-        mean, std = network.apply(state.params, obs, embedding[row], method="policy")
-        action = mean + std * jax.random.normal(key, mean.shape)
-        return action, log_probability(mean, std, action)
 
-    _, transitions, _ = rollout(env, policy, state.episodes, jax.random.key(1), 32, 20, 0.9)
-    assert transitions.terminated.any()  # the rollout crosses episode ends
-    mean, std = network.apply(state.params, transitions.obs, embedding[transitions.row], method="policy")
-    ratio = jnp.exp(log_probability(mean, std, transitions.action) - transitions.log_prob)
-    np.testing.assert_allclose(ratio, 1.0, atol=1e-5)
+def test_exploration_noise_keeps_its_variance_and_correlation(env):
+    """An AR(1) process of the promised time scale, each value N(0, 1) by itself: the density that the loss assumes."""
+    config = dataclasses.replace(PPO, noise_time=20.0, noise_decay=0.5)
+    np.testing.assert_allclose(noise_correlation(config, jnp.float32(0)), np.exp(-1 / 20), atol=1e-6)
+    np.testing.assert_allclose(noise_correlation(config, jnp.float32(0.25)), np.exp(-1 / 10), atol=1e-6)
+    assert noise_correlation(config, jnp.float32(0.5)) == noise_correlation(config, jnp.float32(0.9)) == 0
+    agent = make(env, noise_time=20.0, num_envs=512, learning_rate=0.0)
+    state = agent.init(jax.random.key(0))
+    after, _ = jax.jit(agent.iterate)(state)  # 16 steps at the start of the run
+    before, after = np.asarray(state.noise).ravel(), np.asarray(after.noise).ravel()
+    assert after.std() == pytest.approx(1.0, abs=0.12)
+    assert np.corrcoef(before, after)[0, 1] == pytest.approx(np.exp(-16 / 20), abs=0.15)
 
 
 def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
@@ -105,7 +119,7 @@ def test_one_hot_code_solves_the_probe_too(env):
 def test_vmapped_seeds_equal_single_seeds(env):
     """Same behaviour to 1e-3; not the same bits, since batched matrix products round differently.
 
-    Weights are no measure: Adam blows up the rounding noise of gradients that are zero in theory (attention's key bias).
+    Weights are no measure: Adam blows up rounding noise where a gradient is zero in theory (attention's key bias).
     """
     agent = make(env)
     keys = jax.random.split(jax.random.key(3), 3)
@@ -140,7 +154,13 @@ def test_time_limit_is_bootstrapped_unless_told_otherwise(terminal):
     probe = ProbeEnv()
     env = TaskEnv(probe, compile_tasks(["F(Up & F(Down & F(Up & F(Down & F Up))))"], probe.propositions, "at_most_one"))
     config = dataclasses.replace(
-        PPO, timeout_is_terminal=terminal, discount=1.0, gae_lambda=1.0, staggered_start=False, epochs=1, minibatch_size=256
+        PPO,
+        timeout_is_terminal=terminal,
+        discount=1.0,
+        gae_lambda=1.0,
+        staggered_start=False,
+        epochs=1,
+        minibatch_size=256,
     )
     agent = make_ppo(env, dataclasses.replace(NETWORK, value_scale=0.0), config, episode_length=4, iterations=1)
     state = agent.init(jax.random.key(1))

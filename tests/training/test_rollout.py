@@ -92,12 +92,13 @@ def test_episodes_that_start_in_a_later_row_are_not_counted():
 
 
 def test_rollout_totals_are_sums_over_finished_episodes(env):
-    def policy(obs, row, key):
+    def policy(memory, obs, row, key):
         action = jnp.where(row == env.table.initial_row[0], 1.0, -1.0)[:, None]
-        return action, jnp.zeros(row.shape)
+        return memory + 1, action, jnp.zeros(row.shape)
 
     episodes = jax.vmap(lambda key: begin(env, key, 10))(jax.random.split(jax.random.key(0), 4))
-    _, transitions, totals = rollout(env, policy, episodes, jax.random.key(1), 10, 10, DISCOUNT)
+    memory, _, transitions, totals = rollout(env, policy, 0, episodes, jax.random.key(1), 10, 10, DISCOUNT)
+    assert memory == 10  # carried from step to step
     assert transitions.obs.shape == (10, 4, 3)
     assert totals.episodes == totals.successes == 4 * 5  # two steps each
     assert totals.length == totals.success_length == 40
