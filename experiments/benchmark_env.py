@@ -19,10 +19,13 @@ import jax
 import jax.numpy as jnp
 import tyro
 
-from envs.base import State
-from envs.zones import ZoneConfig, ZoneEnv
-from t2tl_jax.ltl import compile_tasks
-from t2tl_jax.task_env import TaskEnv
+from experiments.quiet import quiet_imports
+
+with quiet_imports():
+    from envs.base import State
+    from envs.zones import ZoneConfig, ZoneEnv
+    from t2tl_jax.ltl import compile_tasks
+    from t2tl_jax.task_env import TaskEnv
 
 Physics = Literal["mjx", "closed_form"]
 
@@ -141,4 +144,4 @@ def main(config: BenchmarkConfig) -> list[Result]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(BenchmarkConfig, description=__doc__))
+    main(tyro.cli(BenchmarkConfig, prog="python -m experiments.benchmark_env", description=__doc__))

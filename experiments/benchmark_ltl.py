@@ -64,4 +64,4 @@ def _processor() -> str:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(tyro.cli(Arguments, prog="python -m experiments.benchmark_ltl", description=Arguments.__doc__))

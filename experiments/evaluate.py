@@ -10,6 +10,7 @@ from typing import Any, Literal
 import tyro
 
 from experiments.errors import UserError, guarded
+from experiments.quiet import quiet_imports
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,8 @@ def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | N
 
 
 def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
-    from experiments.command_line import parse
+    with quiet_imports():
+        from experiments.command_line import parse
 
     arguments = parse(Arguments, texts, prog="python -m experiments.evaluate", description=Arguments.__doc__)
     if arguments.episodes < 1:

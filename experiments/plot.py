@@ -8,6 +8,7 @@ from pathlib import Path
 import tyro
 
 from experiments.errors import UserError, guarded
+from experiments.quiet import quiet_imports
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: list[str]) -> int:
-    from experiments.command_line import parse
+    with quiet_imports():
+        from experiments.command_line import parse
 
     arguments = parse(Arguments, texts, prog="python -m experiments.plot", description=Arguments.__doc__)
     from experiments import run_folder

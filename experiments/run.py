@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from experiments.errors import guarded
+from experiments.quiet import quiet_imports
 
 
 def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | None = None) -> int:
@@ -19,9 +20,10 @@ def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | N
 
 def _main(arguments: list[str], build: Callable[[Any], Any] | None) -> int:
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
-    from experiments import command_line, compilation_cache, training_run
-    from experiments.build import build as default_build
-    from experiments.configs import CONFIGS
+    with quiet_imports():
+        from experiments import command_line, compilation_cache, training_run
+        from experiments.build import build as default_build
+        from experiments.configs import CONFIGS
 
     request = command_line.read_request(arguments)
     if request.show_list:

@@ -1,0 +1,93 @@
+"""Rules of CONTRIBUTING.md that the source shows: which part may import which, and that data never becomes code."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted(path for package in ("t2tl_jax", "envs", "experiments") for path in (ROOT / package).rglob("*.py"))
+
+# What each part may import besides itself. A part is the longest entry that a module's name starts with.
+MAY_IMPORT = {
+    "t2tl_jax.ltl": set(),
+    "envs": set(),
+    "t2tl_jax.task_env": {"envs.base", "t2tl_jax.ltl"},
+    "t2tl_jax.networks": {"t2tl_jax.ltl"},
+    "t2tl_jax.agents.agent": set(),
+    "t2tl_jax.training": {"t2tl_jax.agents.agent", "t2tl_jax.task_env"},
+    "t2tl_jax.agents": {"t2tl_jax.agents.agent", "t2tl_jax.networks", "t2tl_jax.task_env", "t2tl_jax.training"},
+    "t2tl_jax.evaluation": {"t2tl_jax.agents.agent", "t2tl_jax.training"},
+    "experiments": {"t2tl_jax", "envs"},
+}
+OWN = ("t2tl_jax", "envs", "experiments")
+FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
+FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__"}
+
+
+def within(module: str, part: str) -> bool:
+    return module == part or module.startswith(part + ".")
+
+
+def imported(tree: ast.AST) -> set[str]:
+    """Every module that a file imports, also inside functions; of `from a import b` both `a` and `a.b`."""
+    modules = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            modules |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute here"
+            assert node.module is not None
+            modules |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return modules
+
+
+def module_name(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def forbidden_imports(module: str, modules: set[str]) -> set[str]:
+    """Own modules among `modules` that `module` may not import. A bare package is fine if something in it is."""
+    parts = [part for part in MAY_IMPORT if within(module, part)]
+    assert parts, f"{module} belongs to no part of MAY_IMPORT"
+    part = max(parts, key=len)
+    allowed = MAY_IMPORT[part] | {part}
+    own = {name for name in modules if any(within(name, package) for package in OWN)}
+    fine = {name for name in own if any(within(name, other) for other in allowed)}
+    return {name for name in own - fine if not any(within(other, name) for other in fine)}
+
+
+def test_imports_go_one_way():
+    trees = {module_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
+    assert not imported(trees.pop("t2tl_jax"))  # the bare package holds nothing
+    offences = {module: forbidden_imports(module, imported(tree)) for module, tree in trees.items()}
+    assert len(offences) > 50 and not {module: names for module, names in offences.items() if names}
+
+
+@pytest.mark.parametrize(
+    ("module", "statement", "forbidden"),
+    [
+        ("t2tl_jax.ltl.parser", "from envs.base import LabelledEnv", True),
+        ("t2tl_jax.ltl.parser", "import flax.struct", False),
+        ("t2tl_jax.networks.transformer", "from t2tl_jax.agents import ppo", True),
+        ("t2tl_jax.agents.ppo", "import experiments.configs", True),
+        ("t2tl_jax.agents.ppo", "def f():\n    from t2tl_jax import evaluation", True),
+        ("t2tl_jax.training.loop", "from t2tl_jax.agents import agent", False),
+        ("t2tl_jax.training.loop", "from t2tl_jax.agents import ppo", True),
+        ("t2tl_jax.task_env", "from envs.zones import ZoneEnv", True),
+        ("envs.zones", "from t2tl_jax.ltl import TaskTable", True),
+        ("experiments.run", "from t2tl_jax.agents import ppo", False),
+    ],
+)
+def test_the_check_notices(module, statement, forbidden):
+    assert bool(forbidden_imports(module, imported(ast.parse(statement)))) == forbidden
+
+
+def test_no_code_comes_from_data():
+    for path in FILES:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        assert not {name.split(".")[0] for name in imported(tree)} & FORBIDDEN_MODULES, path
+        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
+            called = call.func.id if isinstance(call.func, ast.Name) else ""
+            assert called not in FORBIDDEN_CALLS, f"{path}:{call.lineno}"
+            assert "allow_pickle" not in {keyword.arg for keyword in call.keywords}, f"{path}:{call.lineno}"
