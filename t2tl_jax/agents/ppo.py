@@ -4,8 +4,10 @@ Read `make_ppo` from top to bottom: collect a rollout, estimate advantages, upda
 iteration is one pure function of the training state.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -133,7 +135,8 @@ def ppo_loss(
     config: PPOConfig, network: ActorCritic, params: Params, task: jax.Array, batch: Batch
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
     """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [B, dim]."""
-    mean, std, value = network.apply(params, batch.obs, task)
+    apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
+    mean, std, value = apply(params, batch.obs, task)
     ratio = jnp.exp(log_probability(mean, std, batch.action) - batch.log_prob)
     advantage = batch.advantage
     if config.normalise_advantage:
@@ -166,6 +169,7 @@ def make_ppo(
     """The learner for one seed. `iterations` is the length of the run, used only to anneal the learning rate."""
     table = env.table
     network = ActorCritic(network_config, env.action_size)
+    apply: Callable[..., Any] = network.apply  # as in ppo_loss
     gradient_steps = iterations * config.epochs * config.num_minibatches
     learning_rate = (
         optax.linear_schedule(config.learning_rate, 0.0, gradient_steps)
@@ -177,12 +181,12 @@ def make_ppo(
     )
 
     def embed(params: Params) -> jax.Array:
-        return network.apply(params, table, method="embed")
+        return apply(params, table, method="embed")
 
     def act(
         params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, deterministic: bool
     ) -> jax.Array:
-        mean, std = network.apply(params, obs, embedding[row], method="policy")
+        mean, std = apply(params, obs, embedding[row], method="policy")
         return mean if deterministic else mean + std * jax.random.normal(key, mean.shape)
 
     def init(key: jax.Array) -> PPOState:
@@ -211,7 +215,7 @@ def make_ppo(
         correlation = noise_correlation(config, state.iteration / iterations)
 
         def policy(noise: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array):
-            mean, std = network.apply(state.params, obs, embedding[row], method="policy")
+            mean, std = apply(state.params, obs, embedding[row], method="policy")
             # White noise on this bang-bang robot averages out within a metre; noise that persists carries it along.
             # Every action is still N(mean, std) by itself, which is the density that the loss uses.
             noise = correlation * noise + jnp.sqrt(1 - correlation**2) * jax.random.normal(key, mean.shape)
@@ -224,8 +228,8 @@ def make_ppo(
 
     def make_batch(params: Params, transitions: Transitions) -> Batch:
         embedding = embed(params)
-        value = network.apply(params, transitions.obs, embedding[transitions.row], method="value")
-        next_value = network.apply(params, transitions.next_obs, embedding[transitions.next_row], method="value")
+        value = apply(params, transitions.obs, embedding[transitions.row], method="value")
+        next_value = apply(params, transitions.next_obs, embedding[transitions.next_row], method="value")
         terminated, truncated = transitions.terminated, transitions.truncated
         if config.timeout_is_terminal:
             terminated, truncated = terminated | truncated, jnp.zeros_like(truncated)

@@ -1,5 +1,7 @@
 """Weight initialisation: the published unit-norm rows, and T-Fixup's scales."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from flax import linen as nn
@@ -13,7 +15,7 @@ def unit_norm(scale: float = 1.0) -> Initializer:
     The untrained policy then moves far, which matters more for finding a sparse reward than any other choice here.
     """
 
-    def init(key: jax.Array, shape: tuple[int, ...], dtype: jnp.dtype = jnp.float32) -> jax.Array:
+    def init(key: jax.Array, shape: tuple[int, ...], dtype: Any = jnp.float32) -> jax.Array:
         kernel = jax.random.normal(key, shape, dtype)  # [inputs, outputs]
         return scale * kernel / jnp.linalg.norm(kernel, axis=0, keepdims=True)
 

@@ -1,5 +1,7 @@
 """Episodes with a time limit, one after another: truncation is not termination, and the last observation is kept."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from brax.envs.base import State
@@ -76,6 +78,6 @@ def advance(
         truncated=truncated,
         totals=totals,
     )
-    under_way = episode.replace(state=state, elapsed=elapsed, total=total)
+    under_way = dataclasses.replace(episode, state=state, elapsed=elapsed, total=total)
     fresh = begin(env, key, limit)
     return jax.tree.map(lambda new, old: jnp.where(done, new, old), fresh, under_way), outcome
