@@ -73,7 +73,9 @@ def test_output_is_bounded_and_differentiable(norm):
     out, gradient = jax.value_and_grad(lambda p: jnp.sum(encoder.apply(p, table) ** 2))(params)
     assert out > 0
     chex.assert_tree_all_finite(gradient)
-    norms = {jax.tree_util.keystr(path): float(jnp.abs(leaf).max()) for path, leaf in jax.tree.leaves_with_path(gradient)}
+    norms = {
+        jax.tree_util.keystr(path): float(jnp.abs(leaf).max()) for path, leaf in jax.tree.leaves_with_path(gradient)
+    }
     # A key bias shifts all of a query's scores alike, so softmax makes its gradient zero; everything else learns.
     assert all(norm > 0 for name, norm in norms.items() if "['key']['bias']" not in name)
 

@@ -1,0 +1,110 @@
+"""Compare runs by their training: ``python -m experiments.compare RUN RUN ...``; interrupted runs are welcome."""
+
+import dataclasses
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+
+from experiments.errors import UserError, guarded
+from experiments.quiet import quiet_imports
+
+SOLVED = 0.95
+"""A seed solves the task when its success rate is above this."""
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """One line per run: what differs from the first run's configuration, and how the last part of training went."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of the runs; the first one is what the others are compared with."""
+    last: float = 0.05
+    """Share of the iterations, at the end, over which success and return are averaged."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The last iterations of one run, one entry per seed."""
+
+    success: np.ndarray
+    """``float64[seeds]``, over the episodes that finished."""
+    discounted_return: np.ndarray
+    """``float64[seeds]``"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command (``arguments`` of the command line by default) and return its exit code: 0 done, 2 bad input."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def ending(metrics: Path, last: float) -> Ending:
+    """Average the last iterations of a ``metrics.csv``, every finished episode counting once.
+
+    Raises:
+        MetricsFileError: if there are no metrics.
+    """
+    from t2tl_jax.training.metrics_file import by_seed, read_columns
+
+    columns = read_columns(metrics)
+    _, frames, episodes = by_seed(columns, "episodes")
+    tail = slice(-max(1, round(last * len(frames))), None)
+
+    def average(name: str) -> np.ndarray:
+        weighted = np.nansum((by_seed(columns, name)[2] * episodes)[:, tail], axis=1)
+        return weighted / np.maximum(episodes[:, tail].sum(axis=1), 1)
+
+    return Ending(average("success_rate"), average("discounted_return"))
+
+
+def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
+    """Fields in which two configurations differ, as ``ppo.noise_time=0.0``; where the run was stored does not count."""
+    for field in dataclasses.fields(base):
+        if prefix == "" and field.name == "run":
+            continue
+        a, b, name = getattr(base, field.name), getattr(other, field.name), prefix + field.name
+        if dataclasses.is_dataclass(a):
+            yield from differences(a, b, name + ".")
+        elif a != b:
+            yield f"{name}={b}"
+
+
+def _main(texts: list[str]) -> int:
+    with quiet_imports():
+        from experiments.command_line import parse
+
+    arguments = parse(Arguments, texts, prog="python -m experiments.compare", description=Arguments.__doc__)
+    if not arguments.runs:
+        raise UserError("name one run or more, such as runs/zone_ppo/2026-01-31_12-00-00")
+    if not 0 < arguments.last <= 1:
+        raise UserError(f"--last is a share of the iterations above 0 and at most 1, got {arguments.last}")
+    from experiments import run_folder
+    from t2tl_jax.evaluation import statistics
+    from t2tl_jax.training.metrics_file import MetricsFileError
+
+    base = None
+    print(f"{'frames/s':>11}  {'solved':>7}  {'discounted return':21}  configuration")
+    for path in arguments.runs:
+        folder, config = run_folder.open_existing(path)
+        base = base or config
+        try:
+            end = ending(folder.metrics, arguments.last)
+        except MetricsFileError as error:
+            raise UserError(str(error)) from error
+        speed = run_folder.read_json(folder.status).get("last_session", {}).get("frames_per_second_all_seeds", 0)
+        solved = f"{int((end.success > SOLVED).sum())}/{len(end.success)}"
+        returns = statistics.mean(end.discounted_return).text()
+        what = " ".join(differences(base, config)) or str(path)
+        print(f"{speed:>11,.0f}  {solved:>7}  {returns:21}  {what}")
+    print(
+        f"Averages over the last {arguments.last:.0%} of training, sampled policy; brackets: 95 % intervals over seeds."
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

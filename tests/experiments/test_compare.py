@@ -1,0 +1,46 @@
+"""Comparing runs: every finished episode counts once, and only settings that matter are named."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from experiments.compare import differences, ending, main
+from experiments.configs import Config
+
+
+@pytest.fixture
+def metrics(tmp_path):
+    """Two seeds, four iterations; seed 1 finishes no episode in the last one."""
+    lines = [
+        "iteration,frames,seed,episodes,success_rate,violation_rate,timeout_rate,discounted_return,length,success_length"
+    ]
+    for iteration in range(1, 5):
+        lines.append(f"{iteration},{iteration * 10},0,{iteration},{iteration / 4},0,0,{iteration / 10},5,5")
+        lines.append(f"{iteration},{iteration * 10},1," + ("0,,,,,," if iteration == 4 else "2,1.0,0,0,0.5,5,5"))
+    path = tmp_path / "metrics.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_last_iterations_are_averaged_over_episodes(metrics):
+    end = ending(metrics, last=0.5)
+    np.testing.assert_allclose(end.success, [(3 * 0.75 + 4 * 1.0) / 7, 1.0])
+    np.testing.assert_allclose(end.discounted_return, [(3 * 0.3 + 4 * 0.4) / 7, 0.5])
+
+
+def test_at_least_one_iteration_is_averaged(metrics):
+    np.testing.assert_allclose(ending(metrics, last=0.01).discounted_return, [0.4, 0.0])
+
+
+def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
+    base = Config()
+    other = dataclasses.replace(
+        base, ppo=dataclasses.replace(base.ppo, noise_time=0.0), run=dataclasses.replace(base.run, folder="x")
+    )
+    assert list(differences(base, other)) == ["ppo.noise_time=0.0"]
+
+
+def test_wrong_folder_is_a_clean_error(tmp_path, capsys):
+    assert main([str(tmp_path / "nowhere")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
