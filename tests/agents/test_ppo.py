@@ -1,6 +1,7 @@
 """PPO: replayed rollouts have ratio 1, tables give per-sample gradients, a probe is solved, seeds are independent."""
 
 import dataclasses
+from functools import partial
 
 import chex
 import jax
@@ -43,16 +44,24 @@ def make(env, iterations=60, **changes):
     return make_ppo(env, NETWORK, dataclasses.replace(PPO, **changes), episode_length=20, iterations=iterations)
 
 
-@pytest.mark.parametrize("noise_time", [0.0, 20.0])
+@pytest.fixture(scope="module")
+def learner(env):
+    """The plain learner as (agent, init, iterate), compiled once for every test that trains it."""
+    agent = make(env)
+    return agent, jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
+
+
+@pytest.mark.parametrize("noise_time", [0.0, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_replaying_a_stored_rollout_gives_probability_ratio_one(env, noise_time):
     """One epoch of one minibatch with a vanishing learning rate: the update sees what the rollout did."""
     agent = make(env, noise_time=noise_time, epochs=1, minibatch_size=256, learning_rate=0.0)
-    state = agent.init(jax.random.key(0))
+    state = jax.jit(agent.init)(jax.random.key(0))
     state, metrics = jax.jit(agent.iterate)(state)
     assert metrics.episodes.episodes > 0  # the rollout crosses episode ends
     assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
 
 
+@pytest.mark.slow
 def test_exploration_noise_keeps_its_variance_and_correlation(env):
     """An AR(1) process of the promised time scale, each value N(0, 1) by itself: the density that the loss assumes."""
     config = dataclasses.replace(PPO, noise_time=20.0, noise_decay=0.5)
@@ -60,7 +69,7 @@ def test_exploration_noise_keeps_its_variance_and_correlation(env):
     np.testing.assert_allclose(noise_correlation(config, jnp.float32(0.25)), np.exp(-1 / 10), atol=1e-6)
     assert noise_correlation(config, jnp.float32(0.5)) == noise_correlation(config, jnp.float32(0.9)) == 0
     agent = make(env, noise_time=20.0, num_envs=512, learning_rate=0.0)
-    state = agent.init(jax.random.key(0))
+    state = jax.jit(agent.init)(jax.random.key(0))
     after, _ = jax.jit(agent.iterate)(state)  # 16 steps at the start of the run
     before, after = np.asarray(state.noise).ravel(), np.asarray(after.noise).ravel()
     assert after.std() == pytest.approx(1.0, abs=0.12)
@@ -79,7 +88,8 @@ def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
         value=jax.random.normal(keys[4], (size,)),
         advantage=jax.random.normal(keys[5], (size,)),
     )
-    params = network.init(jax.random.key(1), table, batch.obs, batch.row, method="initialise")
+    init = jax.jit(partial(network.init, method="initialise"))
+    params = init(jax.random.key(1), table, batch.obs, batch.row)
 
     def table_wise(params):
         task = network.apply(params, table, method="embed")[batch.row]
@@ -89,16 +99,15 @@ def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
         per_sample = table.replace(tokens=table.tokens[batch.row], mask=table.mask[batch.row])
         return ppo_loss(PPO, network, params, network.apply(params, per_sample, method="embed"), batch)[0]
 
-    fast, slow = jax.grad(table_wise)(params), jax.grad(sample_wise)(params)
+    fast, slow = (jax.jit(jax.grad(loss))(params) for loss in (table_wise, sample_wise))
     encoder = jax.tree.leaves(fast["params"]["task_encoder"])
     assert max(float(jnp.abs(leaf).max()) for leaf in encoder) > 1e-3  # the encoder does learn from this loss
     chex.assert_trees_all_close(fast, slow, atol=1e-5)
 
 
-def test_probe_is_solved_by_reading_the_formula(env):
-    agent = make(env)
-    state = jax.jit(agent.init)(jax.random.key(0))
-    iterate = jax.jit(agent.iterate)
+def test_probe_is_solved_by_reading_the_formula(learner):
+    _, init, iterate = learner
+    state = init(jax.random.key(0))
     for _ in range(60):
         state, metrics = iterate(state)
     totals = metrics.episodes
@@ -107,6 +116,7 @@ def test_probe_is_solved_by_reading_the_formula(env):
     assert state.best_score > 0.6
 
 
+@pytest.mark.slow
 def test_one_hot_code_solves_the_probe_too(env):
     agent = make_ppo(env, dataclasses.replace(NETWORK, task_encoder="one_hot"), PPO, episode_length=20, iterations=60)
     state = jax.jit(agent.init)(jax.random.key(0))
@@ -116,16 +126,17 @@ def test_one_hot_code_solves_the_probe_too(env):
     assert metrics.episodes.length / metrics.episodes.episodes < 4.5
 
 
-def test_vmapped_seeds_equal_single_seeds(env):
+@pytest.mark.slow
+def test_vmapped_seeds_equal_single_seeds(env, learner):
     """Same behaviour to 1e-3; not the same bits, since batched matrix products round differently.
 
     Weights are no measure: Adam blows up rounding noise where a gradient is zero in theory (attention's key bias).
     """
-    agent = make(env)
+    agent, init_one, iterate_one = learner
     keys = jax.random.split(jax.random.key(3), 3)
-    together = jax.jit(jax.vmap(agent.init))(keys)
-    alone = jax.jit(agent.init)(keys[1])
-    iterate_all, iterate_one = jax.jit(jax.vmap(agent.iterate)), jax.jit(agent.iterate)
+    together = jax.jit(jax.vmap(make(env).init))(keys)
+    alone = init_one(keys[1])
+    iterate_all = jax.jit(jax.vmap(make(env).iterate))
     for _ in range(2):
         together, metrics_all = iterate_all(together)
         alone, metrics_one = iterate_one(alone)
@@ -139,13 +150,12 @@ def test_vmapped_seeds_equal_single_seeds(env):
     np.testing.assert_allclose(behaviour(own), behaviour(alone.params), atol=1e-3)
 
 
-def test_iterations_compile_once(env):
-    agent = make(env)
-    iterate = jax.jit(chex.assert_max_traces(agent.iterate, n=1), donate_argnums=0)
-    state = jax.jit(agent.init)(jax.random.key(0))
+def test_iterations_compile_once(learner):
+    _, init, iterate = learner  # a second trace is an error
+    state = init(jax.random.key(0))
     for _ in range(3):
         state, _ = iterate(state)
-    assert state.iteration == 3
+    assert state.iteration == 3 and iterate._cache_size() == 1
 
 
 @pytest.mark.parametrize("terminal", [False, True])
@@ -163,17 +173,16 @@ def test_time_limit_is_bootstrapped_unless_told_otherwise(terminal):
         minibatch_size=256,
     )
     agent = make_ppo(env, dataclasses.replace(NETWORK, value_scale=0.0), config, episode_length=4, iterations=1)
-    state = agent.init(jax.random.key(1))
+    state = jax.jit(agent.init)(jax.random.key(1))
     state.params["params"]["critic"]["value"]["bias"] = jnp.ones(1)
     _, metrics = jax.jit(agent.iterate)(state)
     assert metrics.episodes.timeouts == metrics.episodes.episodes == 64  # five goals cannot be met in four steps
     np.testing.assert_allclose(metrics.scalars["value_loss"], 1.0 if terminal else 0.0, atol=1e-5)
 
 
-def test_best_parameters_are_those_that_made_the_best_rollout(env):
-    agent = make(env)
-    iterate = jax.jit(agent.iterate)
-    state = jax.jit(agent.init)(jax.random.key(0))
+def test_best_parameters_are_those_that_made_the_best_rollout(learner):
+    _, init, iterate = learner
+    state = init(jax.random.key(0))
     best, best_params = -np.inf, None
     for _ in range(10):
         before = state.params

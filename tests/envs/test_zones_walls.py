@@ -43,6 +43,7 @@ def errors_after_one_env_step(point, run_original, wall_states):
     return np.linalg.norm((ours.qpos - qpos)[:, :2], axis=1), np.linalg.norm((ours.qvel - qvel)[:, :2], axis=1)
 
 
+@pytest.mark.slow
 def test_mjx_walls_are_close_to_the_original(mjx_point, run_original, wall_states):
     """Measured: positions 0.15 mm (median) and 1.4 mm (95 %) off, velocities 0.01 and 0.08 m/s."""
     position, velocity = errors_after_one_env_step(mjx_point, run_original, wall_states)

@@ -7,6 +7,10 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.slow  # every test waits for a process that loads JAX
+
 HERE = Path(__file__).parent
 
 

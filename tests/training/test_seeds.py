@@ -30,6 +30,7 @@ def test_one_device_needs_no_sharding():
     assert seed_sharding(4, jax.devices()[:1]) is None
 
 
+@pytest.mark.slow
 def test_seeds_over_four_devices_give_the_same_numbers():
     program = """
 import sys; sys.path.append("tests/experiments")
