@@ -3,26 +3,36 @@
 import difflib
 
 from envs.base import LabelledEnv
+from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
 from envs.zones import ZoneConfig, ZoneEnv
 
-CONFIGS: dict[str, ZoneConfig] = {
+EnvConfig = ZoneConfig | WaterWorldConfig
+"""Configurations of the environments that are registered here."""
+
+CONFIGS: dict[str, EnvConfig] = {
     "Zones-25-v1": ZoneConfig(),
     "Zones-5-v0": ZoneConfig(layout="random"),
+    "WaterWorld": WaterWorldConfig(),
+    "WaterWorld-random": WaterWorldConfig(layout="random"),
+    # The original's worlds: six colours, labels one step late.
+    **{f"Water-M{i}-v0": WaterWorldConfig(colours=LETTERS, map_number=i, delay=1) for i in range(11)},
 }
-"""Configurations under their published names."""
+"""Configurations by name: ``Zones-*`` and ``Water-M*`` are the published names."""
 
 
-def make(name_or_config: str | ZoneConfig) -> LabelledEnv:
+def make(name_or_config: str | EnvConfig) -> LabelledEnv:
     """Build an environment from a registered name or from its configuration.
 
     Raises:
         ValueError: for an unknown name, with the nearest known one.
     """
-    if not isinstance(name_or_config, str):
+    if isinstance(name_or_config, ZoneConfig):
         return ZoneEnv(name_or_config)
+    if isinstance(name_or_config, WaterWorldConfig):
+        return WaterWorld(name_or_config)
     if name_or_config not in CONFIGS:
         near = difflib.get_close_matches(name_or_config, CONFIGS, n=1, cutoff=0.0)
         raise ValueError(
             f"unknown environment {name_or_config!r}; did you mean {near[0]!r}? Known: {', '.join(sorted(CONFIGS))}"
         )
-    return ZoneEnv(CONFIGS[name_or_config])
+    return make(CONFIGS[name_or_config])

@@ -1,0 +1,48 @@
+"""The numbers of a WaterWorld: sizes, speeds and radii, as a pytree that ``jax.vmap`` can run over."""
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+
+ARENA = 400.0
+"""Side of the square arena of the original, in units of length."""
+
+RADIUS = 15.0
+"""Radius of the original's balls and of its agent, in units of length."""
+
+SPEED = 30.0
+"""Speed of the original's balls, and what one action adds to the agent's velocity, in units per second."""
+
+VELOCITY_LIMIT = 90.0
+"""Limit of the original's agent on each axis, in units per second."""
+
+TIME_STEP = 0.1
+"""Seconds of one step of the original."""
+
+
+@struct.dataclass
+class WaterWorldParams:
+    """Everything numeric about a WaterWorld; how many colours and balls there are is static instead.
+
+    All fields are float32. The parameters travel in the state, so a batch of environments may mix them.
+    """
+
+    arena: jax.Array
+    """``[2]``: width and height in units of length; the origin is a corner."""
+    time_step: jax.Array
+    """Seconds that one step takes."""
+    ball_speed: jax.Array
+    """Speed of every ball in units per second, constant; also enters the scale of the observation."""
+    increment: jax.Array
+    """Units per second that an action adds to the agent's velocity on its axis."""
+    velocity_limit: jax.Array
+    """Largest velocity of the agent on each axis (a box, not a norm), in units per second."""
+    agent_radius: jax.Array
+    """Radius of the agent in units of length."""
+    ball_radius: jax.Array
+    """``[C]``: radius of the balls of each colour in units of length."""
+
+    def radius_of_each_ball(self, balls_per_colour: int) -> jax.Array:
+        """The colours' radii repeated for the balls of each colour: ``[n]``."""
+        (colours,) = self.ball_radius.shape
+        return jnp.broadcast_to(self.ball_radius[:, None], (colours, balls_per_colour)).reshape(-1)
