@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from experiments.benchmark_env import BenchmarkConfig, main
 
 
+@pytest.mark.slow
 def test_benchmark_reports_every_combination(tmp_path):
     file = tmp_path / "speed.json"
     config = BenchmarkConfig(physics=("closed_form",), num_envs=(2, 4), steps=5, repeats=2, layout="random", json=file)

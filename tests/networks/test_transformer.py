@@ -1,6 +1,7 @@
 """The Transformer: published size, what masking and positions promise, attention on request."""
 
 import dataclasses
+from functools import partial
 
 import chex
 import jax
@@ -25,14 +26,15 @@ def count(params) -> int:
 def encode(config: TransformerConfig, tokens: list[list[int]], length: int) -> np.ndarray:
     padded = np.array([row + [0] * (length - len(row)) for row in tokens], np.int32)
     model = TokenTransformer(config, 22)
-    params = model.init(jax.random.key(0), padded, padded > 0)
-    return np.asarray(model.apply(params, padded, padded > 0))
+    params = jax.jit(model.init)(jax.random.key(0), padded, padded > 0)
+    return np.asarray(jax.jit(model.apply)(params, padded, padded > 0))
 
 
 def test_published_t1tl_has_243_925_parameters():
     table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one", length=25)
     network = ActorCritic(NetworkConfig(transformer=PUBLISHED), action_size=2)
-    variables = network.init(jax.random.key(0), table, jnp.zeros((1, 76)), jnp.zeros(1, jnp.int32), method="initialise")
+    init = partial(network.init, method="initialise")
+    variables = jax.eval_shape(init, jax.random.key(0), table, jnp.zeros((1, 76)), jnp.zeros(1, jnp.int32))
     assert count(variables["params"]["task_encoder"]) == 202_640
     assert count(variables["params"]["environment_encoder"]) == 18_112
     assert count(variables) == 243_925
@@ -69,8 +71,8 @@ def test_output_is_bounded_and_differentiable(norm):
     config = TransformerConfig(norm=norm)
     table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one")
     encoder = TransformerTaskEncoder(config)
-    params = encoder.init(jax.random.key(1), table)
-    out, gradient = jax.value_and_grad(lambda p: jnp.sum(encoder.apply(p, table) ** 2))(params)
+    params = jax.jit(encoder.init)(jax.random.key(1), table)
+    out, gradient = jax.jit(jax.value_and_grad(lambda p: jnp.sum(encoder.apply(p, table) ** 2)))(params)
     assert out > 0
     chex.assert_tree_all_finite(gradient)
     norms = {
