@@ -44,7 +44,7 @@ def describe(arguments: list[str] | None = None) -> dict[str, Any]:
         "git_modified": bool(_git("status", "--porcelain", "--untracked-files=no")),
         "backend": jax.default_backend(),
         "devices": [device.device_kind for device in jax.devices()],
-        "matmul_precision": jax.config.jax_default_matmul_precision,
+        "matmul_precision": jax.config.jax_default_matmul_precision,  # type: ignore[attr-defined]  # jax 0.9
         "xla_flags": os.environ.get("XLA_FLAGS", ""),
     }
 

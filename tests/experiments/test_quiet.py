@@ -21,7 +21,7 @@ def test_only_the_known_lines_are_dropped(capsys):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "module",
-    ["experiments.run", "experiments.evaluate", "experiments.plot", "experiments.benchmark_env", "t2tl_jax.ltl"],
+    [*(f"experiments.{name}" for name in ("run", "evaluate", "plot", "compare", "benchmark_env")), "t2tl_jax.ltl"],
 )
 def test_help_starts_with_the_usage(module):
     done = subprocess.run([sys.executable, "-m", module, "--help"], capture_output=True, text=True, timeout=120)
