@@ -1,6 +1,7 @@
 """The TL-MDP: a labelled environment times a task table.
 
-One step: act, read the labels of s', progress the task row, reward +1 / -1 / 0 by the row's verdict, done on a verdict.
+One step: act, read the labels of s', progress the task row, reward, done on a verdict. The reward of formulas is the
+row's verdict, +1 / -1 / 0; reward machines pay by transition.
 The row is part of `pipeline_state`, so every auto-reset that restores the pipeline state restores the task with it.
 """
 
@@ -66,13 +67,16 @@ class TaskEnv(Env):
         """Act, label, progress, reward (equation 2 of the paper, with the labels of s')."""
         env_state = self.env.step(state.replace(pipeline_state=state.pipeline_state.env), action)
         letter = self.table.letter(self.env.labels(env_state))
-        row = self.table.progress(state.pipeline_state.row, letter)
-        reward = self.table.reward(row)
+        row, reward = self.table.step(state.pipeline_state.row, letter)
         return env_state.replace(
             pipeline_state=TaskState(env=env_state.pipeline_state, row=row),
             reward=env_state.reward + reward,
-            done=jnp.maximum(env_state.done, jnp.abs(reward)),
+            done=jnp.maximum(env_state.done, jnp.abs(self.table.verdict[row]).astype(jnp.float32)),
         )
+
+    def letter(self, state: State) -> jax.Array:
+        """The letter of the task table that the labels of `state` make: int32 scalar."""
+        return self.table.letter(self.env.labels(state.replace(pipeline_state=state.pipeline_state.env)))
 
     def row(self, state: State) -> jax.Array:
         """The table row of the formula that is left: int32 scalar."""

@@ -31,3 +31,12 @@ class ProbeEnv(LabelledEnv):
 
     def _state(self, last_action: jax.Array) -> State:
         return State(last_action, jnp.ones(3), jnp.float32(0), jnp.float32(0))
+
+
+class DiscreteProbeEnv(ProbeEnv):
+    """The same with three actions: nothing, Up, Down."""
+
+    num_actions = 3
+
+    def step(self, state: State, action: jax.Array) -> State:
+        return self._state(jnp.array([0.0, 1.0, -1.0])[action])

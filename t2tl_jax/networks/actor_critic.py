@@ -9,7 +9,7 @@ from flax import linen as nn
 
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.initializers import unit_norm
-from t2tl_jax.networks.task_encoders import OneHotTaskEncoder, TaskEncoder, TransformerTaskEncoder
+from t2tl_jax.networks.task_encoders import TaskEncoder, make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
 
 MINIMUM_STD = 1e-3
@@ -133,10 +133,3 @@ class ActorCritic(nn.Module):
     def initialise(self, table: TaskTable, obs: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
         """Touch every part once, so that `init(key, table, obs, row, method="initialise")` makes all parameters."""
         return self(obs, self.embed(table)[row])
-
-
-def make_task_encoder(config: NetworkConfig) -> nn.Module:
-    """The module that `config.task_encoder` names."""
-    if config.task_encoder == "transformer":
-        return TransformerTaskEncoder(config.transformer)
-    return OneHotTaskEncoder(config.one_hot_size)

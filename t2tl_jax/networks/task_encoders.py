@@ -4,7 +4,7 @@ An encoder maps the table, not the batch: every distinct formula is encoded once
 of the batch are in that row. Learned and fixed representations are one program with another encoder.
 """
 
-from typing import Protocol
+from typing import Literal, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -46,6 +46,24 @@ class OneHotTaskEncoder(nn.Module):
                 f"set network.one_hot_size to {table.num_rows} or more"
             )
         return jnp.eye(table.num_rows, self.size)
+
+
+class EncoderChoice(Protocol):
+    """The part of a network's configuration that chooses its task encoder."""
+
+    @property
+    def task_encoder(self) -> Literal["transformer", "one_hot"]: ...  # noqa: D102
+    @property
+    def transformer(self) -> TransformerConfig: ...  # noqa: D102
+    @property
+    def one_hot_size(self) -> int: ...  # noqa: D102
+
+
+def make_task_encoder(config: EncoderChoice) -> nn.Module:
+    """The module that `config.task_encoder` names."""
+    if config.task_encoder == "transformer":
+        return TransformerTaskEncoder(config.transformer)
+    return OneHotTaskEncoder(config.one_hot_size)
 
 
 def attention_weights(encoder: TransformerTaskEncoder, params: dict, table: TaskTable) -> jax.Array:

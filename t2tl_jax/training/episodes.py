@@ -28,6 +28,7 @@ class Outcome:
 
     next_obs: jax.Array  # float32[O]
     next_row: jax.Array  # int32
+    letter: jax.Array  # int32, the labels of s', from which any other row of the table can be progressed
     reward: jax.Array  # float32
     terminated: jax.Array  # bool, a verdict was reached (or the physics failed)
     truncated: jax.Array  # bool, cut by the time limit without a verdict
@@ -73,6 +74,7 @@ def advance(
     outcome = Outcome(
         next_obs=state.obs,
         next_row=env.row(state),
+        letter=env.letter(state),
         reward=state.reward,
         terminated=terminated,
         truncated=truncated,

@@ -1,0 +1,273 @@
+"""Double DQN that can learn every sub-task from every step.
+
+A stored transition is (s, a, s', letter). The letter says where each formula of the table goes, so one transition is a
+transition of every row (equation 3 of the paper; with one-hot rows it is CRM of the reward-machine paper). Read
+`make_dqn` from top to bottom: act, store, sample, update.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import flashbax
+import jax
+import jax.numpy as jnp
+import optax
+from flax import struct
+
+from t2tl_jax.agents.agent import Agent, EpisodeTotals, Metrics, Params
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.episodes import Episode, Outcome, advance, begin
+
+MINIMUM_SCORED_EPISODES = 16
+
+
+@dataclass(frozen=True)
+class DQNConfig:
+    """Double DQN's constants."""
+
+    num_envs: int = 64
+    """Parallel environments."""
+    steps_per_iteration: int = 256
+    """Steps of every environment in one iteration."""
+    updates_per_step: int = 1
+    """Gradient steps after every step of all environments."""
+    batch_size: int = 512
+    """Transitions of one gradient step; with simultaneous learning each counts for every open row."""
+    buffer_size: int = 200_000
+    """Transitions that are kept."""
+    learning_starts: int = 10_000
+    """Environment steps before the first gradient step."""
+    target_period: int = 100
+    """Gradient steps between copies to the target network."""
+    discount: float = 0.98
+    """Discount factor gamma."""
+    learning_rate: float = 3e-4
+    """Step size of Adam."""
+    max_gradient_norm: float = 10.0
+    """Global norm at which gradients are clipped."""
+    epsilon_start: float = 1.0
+    """Share of random actions at the start."""
+    epsilon_end: float = 0.02
+    """Share of random actions at the end."""
+    epsilon_fraction: float = 0.1
+    """Share of the run over which it falls linearly."""
+    simultaneous: bool = True
+    """Learn every open row from every transition; False is plain DQN on the row that the agent was in."""
+    double: bool = True
+    """Choose the next action by the online network and value it by the target network (van Hasselt et al., 2016)."""
+    printed_argmax: bool = False
+    """Choose the next action for the old formula, as the paper prints, instead of for the progressed one."""
+    timeout_is_terminal: bool = False
+    """Treat the time limit as an end of the task instead of bootstrapping."""
+
+    def __post_init__(self) -> None:
+        for name in ("num_envs", "steps_per_iteration", "updates_per_step", "batch_size", "target_period"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if max(self.batch_size, self.num_envs) > self.buffer_size:
+            raise ValueError(
+                f"buffer_size must hold at least one batch and one step of all environments, got "
+                f"buffer_size={self.buffer_size}, batch_size={self.batch_size}, num_envs={self.num_envs}"
+            )
+        if not 0.0 < self.epsilon_fraction <= 1.0:
+            raise ValueError(f"epsilon_fraction is a share of the run above 0, got {self.epsilon_fraction}")
+
+    @property
+    def frames_per_iteration(self) -> int:
+        """Environment steps in one iteration."""
+        return self.num_envs * self.steps_per_iteration
+
+
+@struct.dataclass
+class Transition:
+    """What replay keeps; the task is not part of it, beside the row that the agent was in."""
+
+    obs: jax.Array  # float32[O]
+    action: jax.Array  # int32
+    next_obs: jax.Array  # float32[O], of s' before any reset
+    row: jax.Array  # int32
+    letter: jax.Array  # int32, the labels of s'
+    cut: jax.Array  # bool, ended by the time limit
+
+
+@struct.dataclass
+class DQNState:
+    """Everything that the next iteration depends on."""
+
+    params: Params
+    target_params: Params
+    opt_state: optax.OptState
+    episodes: Episode  # the N environments, leading axis [N]
+    buffer: Any  # flashbax's state
+    key: jax.Array
+    iteration: jax.Array  # int32
+    best_params: Params
+    best_score: jax.Array  # float32, discounted return of the best iteration so far
+
+
+def epsilon(config: DQNConfig, progress: jax.Array) -> jax.Array:
+    """Share of random actions, linear in `progress` (0 to 1 over the run) until `epsilon_fraction`, then constant."""
+    share = jnp.clip(progress / config.epsilon_fraction, 0.0, 1.0)
+    return config.epsilon_start + share * (config.epsilon_end - config.epsilon_start)
+
+
+def targets(
+    config: DQNConfig, table: TaskTable, online: jax.Array, target: jax.Array, letter: jax.Array, cut: jax.Array
+) -> jax.Array:
+    """Regression targets of every row for every transition, float32[B, rows].
+
+    online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; letter int32[B]; cut bool[B].
+    """
+    next_row = table.next_row[:, letter].T  # [B, rows]
+    reward = table.reward(next_row)
+    at_next = partial(jnp.take_along_axis, indices=next_row[..., None], axis=1)  # [B, rows, A], row u reads row u'
+    chooser = online if config.double else target
+    action = (chooser if config.printed_argmax else at_next(chooser)).argmax(axis=-1)
+    value = jnp.take_along_axis(at_next(target), action[..., None], axis=-1)[..., 0]
+    ended = table.verdict[next_row] != 0
+    if config.timeout_is_terminal:
+        ended = ended | cut[:, None]
+    return reward + config.discount * jnp.where(ended, 0.0, value)
+
+
+def dqn_loss(
+    config: DQNConfig, network: QNetwork, table: TaskTable, params: Params, target_params: Params, batch: Transition
+) -> tuple[jax.Array, dict[str, jax.Array]]:
+    """Huber loss of the TD errors, averaged over transitions and over the rows that learn."""
+    embedding = network.apply(params, table, method="embed")
+    q = network.apply(params, batch.obs, embedding, method="every_row")  # [B, rows, A]
+    taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows]
+
+    online = network.apply(params, batch.next_obs, embedding, method="every_row")
+    target_embedding = network.apply(target_params, table, method="embed")
+    target = network.apply(target_params, batch.next_obs, target_embedding, method="every_row")
+    goal = jax.lax.stop_gradient(targets(config, table, online, target, batch.letter, batch.cut))
+
+    is_open = table.verdict == 0
+    learns = is_open[None, :] & (config.simultaneous | (jnp.arange(table.num_rows) == batch.row[:, None]))
+    error = taken - goal
+    loss = jnp.mean(optax.losses.huber_loss(error), where=learns)
+    return loss, {"loss": loss, "q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}
+
+
+def make_dqn(
+    env: TaskEnv, network_config: QNetworkConfig, config: DQNConfig, episode_length: int, iterations: int
+) -> Agent:
+    """The learner for one seed. `iterations` is the length of the run, which the epsilon schedule refers to."""
+    if env.num_actions is None:
+        raise ValueError("DQN needs discrete actions, and this environment's are continuous; use PPO")
+    table, num_actions = env.table, env.num_actions
+    network = QNetwork(network_config, num_actions)
+    optimizer = optax.chain(optax.clip_by_global_norm(config.max_gradient_norm), optax.adam(config.learning_rate))
+    replay = flashbax.make_item_buffer(
+        config.buffer_size, min_length=1, sample_batch_size=config.batch_size, add_batches=True
+    )
+    total_steps = iterations * config.steps_per_iteration
+
+    def embed(params: Params) -> jax.Array:
+        return network.apply(params, table, method="embed")
+
+    def choose(
+        params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, share: jax.Array | float
+    ) -> jax.Array:
+        greedy = network.apply(params, obs, embedding[row]).argmax(axis=-1).astype(jnp.int32)
+        which_key, action_key = jax.random.split(key)
+        random = jax.random.randint(action_key, greedy.shape, 0, num_actions)
+        return jnp.where(jax.random.uniform(which_key, greedy.shape) < share, random, greedy)
+
+    def act(
+        params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, deterministic: bool
+    ) -> jax.Array:
+        return choose(params, embedding, obs, row, key, 0.0 if deterministic else config.epsilon_end)
+
+    def init(key: jax.Array) -> DQNState:
+        params_key, episodes_key, limit_key, key = jax.random.split(key, 4)
+        # The first episodes are cut at random lengths, so that parallel environments do not reset in step.
+        limits = jax.random.randint(limit_key, (config.num_envs,), 1, episode_length + 1)
+        limits = limits if config.num_envs > 1 else jnp.full(1, episode_length)
+        episodes = jax.vmap(partial(begin, env))(jax.random.split(episodes_key, config.num_envs), limits)
+        params = network.init(params_key, table, episodes.state.obs, method="initialise")
+        obs = episodes.state.obs[0]
+        blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), jnp.int32(0), jnp.bool_(False))
+        return DQNState(
+            params=params,
+            target_params=params,
+            opt_state=optimizer.init(params),
+            episodes=episodes,
+            buffer=replay.init(blank),
+            key=key,
+            iteration=jnp.int32(0),
+            best_params=params,
+            best_score=jnp.float32(-jnp.inf),
+        )
+
+    def interact(state: DQNState, step: jax.Array, key: jax.Array) -> tuple[DQNState, EpisodeTotals]:
+        """One step of all environments, stored."""
+        act_key, reset_key = jax.random.split(key)
+        obs, row = state.episodes.state.obs, state.episodes.state.pipeline_state.row
+        action = choose(state.params, embed(state.params), obs, row, act_key, epsilon(config, step / total_steps))
+        outcome: Outcome
+        episodes, outcome = jax.vmap(advance, (None, 0, 0, 0, None, None))(
+            env, state.episodes, action, jax.random.split(reset_key, config.num_envs), episode_length, config.discount
+        )
+        stored = Transition(obs, action, outcome.next_obs, row, outcome.letter, outcome.truncated)
+        return state.replace(episodes=episodes, buffer=replay.add(state.buffer, stored)), outcome.totals
+
+    def update(state: DQNState, count: jax.Array, key: jax.Array) -> tuple[DQNState, dict[str, jax.Array]]:
+        """One gradient step on a sampled batch; `count` is its number, from which the target's copies are timed."""
+        batch = replay.sample(state.buffer, key).experience
+        loss = partial(dqn_loss, config, network, table)
+        gradient, scalars = jax.grad(loss, has_aux=True)(state.params, state.target_params, batch)
+        updates, opt_state = optimizer.update(gradient, state.opt_state, state.params)
+        params = optax.apply_updates(state.params, updates)
+        target_params = optax.periodic_update(params, state.target_params, count, config.target_period)
+        return state.replace(params=params, target_params=target_params, opt_state=opt_state), scalars
+
+    def iterate(state: DQNState) -> tuple[DQNState, Metrics]:
+        key, scan_key = jax.random.split(state.key)
+        first = state.iteration * config.steps_per_iteration
+
+        def one_step(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
+            step, key = inputs
+            act_key, *update_keys = jax.random.split(key, 1 + config.updates_per_step)
+
+            # ACT
+            acted, totals = interact(state, step, act_key)
+
+            # UPDATE
+            learned = acted
+            for i, update_key in enumerate(update_keys):
+                learned, scalars = update(learned, step * config.updates_per_step + i, update_key)
+            ready = (step + 1) * config.num_envs > config.learning_starts
+            keep = partial(jax.tree.map, partial(jnp.where, ready))
+            after = acted.replace(
+                params=keep(learned.params, acted.params),
+                target_params=keep(learned.target_params, acted.target_params),
+                opt_state=keep(learned.opt_state, acted.opt_state),
+            )
+            return after, (totals, scalars)
+
+        steps = first + jnp.arange(config.steps_per_iteration)
+        params_before = state.params
+        state, (totals, scalars) = jax.lax.scan(
+            one_step, state, (steps, jax.random.split(scan_key, config.steps_per_iteration))
+        )
+        totals = jax.tree.map(jnp.sum, totals)
+        scalars = jax.tree.map(jnp.mean, scalars)
+        scalars["epsilon"] = epsilon(config, first / total_steps)
+
+        # Episodes of an iteration are played by parameters between those before and after it; credit the former.
+        enough = totals.episodes >= MINIMUM_SCORED_EPISODES
+        score = jnp.where(enough, totals.discounted_return / jnp.maximum(totals.episodes, 1), -jnp.inf)
+        better = score > state.best_score
+        return state.replace(
+            key=key,
+            iteration=state.iteration + 1,
+            best_params=jax.tree.map(partial(jnp.where, better), params_before, state.best_params),
+            best_score=jnp.maximum(score, state.best_score),
+        ), Metrics(episodes=totals, scalars=scalars)
+
+    return Agent(init=init, iterate=iterate, embed=embed, act=act, frames_per_iteration=config.frames_per_iteration)

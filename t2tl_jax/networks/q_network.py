@@ -1,0 +1,85 @@
+"""Action values of every sub-task at once: the state is read once, and each row of the table only modulates the result.
+
+Simultaneous learning updates all rows of the table on every transition. With the task at the input, as published, that
+multiplies the whole network by the number of rows; here only the last two layers see the rows.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import jax
+from flax import linen as nn
+
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.task_encoders import TaskEncoder, make_task_encoder
+from t2tl_jax.networks.transformer import TransformerConfig
+
+HE = nn.initializers.orthogonal(2**0.5)
+
+
+@dataclass(frozen=True)
+class QNetworkConfig:
+    """Everything between an observation with a task row and the values of the actions."""
+
+    task_encoder: Literal["transformer", "one_hot"] = "transformer"
+    """How a formula becomes numbers: read by a Transformer (T1TL), or the automaton's state as a unit vector."""
+    transformer: TransformerConfig = field(default_factory=lambda: TransformerConfig(output=32))
+    """The formula's Transformer; 32 outputs as published for WaterWorld."""
+    one_hot_size: int = 16
+    """Width of the one-hot code; at least the number of rows."""
+    state_layers: tuple[int, ...] = (512, 512)
+    """Hidden sizes of the part that reads the state, shared by all tasks."""
+    task_layer: int = 256
+    """Hidden size of the two layers in which state and task meet."""
+    dueling: bool = True
+    """Value and advantage apart (Wang et al., 2016), as in the reward-machine experiments."""
+
+
+class QNetwork(nn.Module):
+    """Q(s, task, a). Call `embed` once per gradient step."""
+
+    config: QNetworkConfig
+    num_actions: int
+
+    def setup(self) -> None:
+        """Name the parts; parameters live under these names in checkpoints."""
+        config = self.config
+        self.task_encoder: TaskEncoder = make_task_encoder(config)
+        self.state_encoder = [nn.Dense(size, kernel_init=HE) for size in (*config.state_layers, config.task_layer)]
+        # A task scales and shifts the state's features (FiLM); it starts as plain features for every task.
+        self.scale = nn.Dense(config.task_layer, kernel_init=nn.initializers.lecun_normal())
+        self.shift = nn.Dense(config.task_layer, kernel_init=nn.initializers.lecun_normal())
+        self.hidden = nn.Dense(config.task_layer, kernel_init=HE)
+        self.advantage = nn.Dense(self.num_actions)
+        self.state_value = nn.Dense(1)
+
+    def embed(self, table: TaskTable) -> jax.Array:
+        """float32[rows, dim], one vector for every row of the table."""
+        return self.task_encoder(table)
+
+    def features(self, obs: jax.Array) -> jax.Array:
+        """obs [..., O] -> [..., task_layer], before the last activation; the same for all tasks."""
+        for layer in self.state_encoder[:-1]:
+            obs = nn.relu(layer(obs))
+        return self.state_encoder[-1](obs)
+
+    def head(self, features: jax.Array, task: jax.Array) -> jax.Array:
+        """features [..., task_layer] and task [..., dim], broadcast against each other -> Q [..., actions]."""
+        x = nn.relu(features * (1.0 + self.scale(task)) + self.shift(task))
+        x = nn.relu(self.hidden(x))
+        advantage = self.advantage(x)
+        if not self.config.dueling:
+            return advantage
+        return self.state_value(x) + advantage - advantage.mean(axis=-1, keepdims=True)
+
+    def __call__(self, obs: jax.Array, task: jax.Array) -> jax.Array:
+        """Q of one task for each state: obs [..., O], task [..., dim] -> [..., actions]."""
+        return self.head(self.features(obs), task)
+
+    def every_row(self, obs: jax.Array, embedding: jax.Array) -> jax.Array:
+        """Q of every row for each state: obs [B, O], embedding [rows, dim] -> [B, rows, actions]."""
+        return self.head(self.features(obs)[:, None, :], embedding[None, :, :])
+
+    def initialise(self, table: TaskTable, obs: jax.Array) -> jax.Array:
+        """Touch every part once, so that `init(key, table, obs, method="initialise")` makes all parameters."""
+        return self.every_row(obs, self.embed(table))

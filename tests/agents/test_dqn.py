@@ -1,0 +1,185 @@
+"""Double DQN: counterfactual targets against a slow loop, schedules, replay, a probe that a correct learner solves."""
+
+import dataclasses
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from t2tl_jax.agents.dqn import DQNConfig, Transition, dqn_loss, epsilon, make_dqn, targets
+from t2tl_jax.ltl import compile_tasks, progress
+from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.task_env import TaskEnv
+from tests.probe import DiscreteProbeEnv
+
+NETWORK = QNetworkConfig(
+    transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8),
+    state_layers=(16,),
+    task_layer=32,
+)
+DQN = DQNConfig(
+    num_envs=8,
+    steps_per_iteration=50,
+    batch_size=64,
+    buffer_size=2000,
+    learning_starts=100,
+    target_period=20,
+    discount=0.9,
+    learning_rate=3e-3,
+    epsilon_fraction=0.5,
+)
+TASK = "!Down U (Up & F(Down & F Up))"
+
+
+@pytest.fixture(scope="module")
+def env():
+    probe = DiscreteProbeEnv()
+    return TaskEnv(probe, compile_tasks([TASK], probe.propositions, probe.alphabet))
+
+
+def make(env, network=NETWORK, iterations=20, **changes):
+    return make_dqn(env, network, dataclasses.replace(DQN, **changes), episode_length=20, iterations=iterations)
+
+
+@pytest.mark.parametrize("double", [True, False])
+@pytest.mark.parametrize("printed_argmax", [True, False])
+@pytest.mark.parametrize("timeout_is_terminal", [True, False])
+def test_counterfactual_targets_equal_a_slow_loop_over_formulas(env, double, printed_argmax, timeout_is_terminal):
+    """Each row's formula is progressed symbolically by each transition's labels, and looked up among the rows."""
+    table = env.table
+    config = dataclasses.replace(
+        DQN, double=double, printed_argmax=printed_argmax, timeout_is_terminal=timeout_is_terminal
+    )
+    rng = np.random.default_rng(0)
+    size, rows, actions = 12, table.num_rows, 3
+    online, target = rng.normal(size=(2, size, rows, actions)).astype(np.float32)
+    labels = [(), ("Up",), ("Down",)]
+    drawn = rng.integers(0, 3, size)
+    letter = np.array([int(table.letter(jnp.array([p in labels[k] for p in table.propositions]))) for k in drawn])
+    cut = rng.random(size) < 0.3
+    fast = targets(config, table, online, target, letter, cut)
+
+    row_of = {table.formula(row): row for row in range(rows)}
+    for b in range(size):
+        for row in range(rows):
+            after = row_of[progress(table.formula(row), set(labels[drawn[b]]))]
+            verdict = int(table.verdict[after])
+            chooser = online if double else target
+            action = chooser[b, row if printed_argmax else after].argmax()
+            ended = verdict != 0 or (timeout_is_terminal and cut[b])
+            expected = verdict + (0.0 if ended else DQN.discount * target[b, after, action])
+            assert fast[b, row] == pytest.approx(expected, abs=1e-5), (b, row)
+
+
+def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
+    table, network = env.table, QNetwork(NETWORK, 3)
+    keys = jax.random.split(jax.random.key(0), 4)
+    size = 16
+    batch = Transition(
+        obs=jax.random.normal(keys[0], (size, 3)),
+        action=jax.random.randint(keys[1], (size,), 0, 3),
+        next_obs=jax.random.normal(keys[2], (size, 3)),
+        row=jnp.full(size, 3),
+        letter=jax.random.randint(keys[3], (size,), 0, table.next_row.shape[1]),
+        cut=jnp.zeros(size, bool),
+    )
+    params = network.init(jax.random.key(1), table, batch.obs, method="initialise")
+    embedding = network.apply(params, table, method="embed")
+    q = network.apply(params, batch.obs, embedding, method="every_row")
+    after = network.apply(params, batch.next_obs, embedding, method="every_row")
+    goal = targets(DQN, table, after, after, batch.letter, batch.cut)
+    error = np.abs(np.asarray(q[np.arange(size), :, batch.action] - goal))
+    huber = np.where(error < 1, 0.5 * error**2, error - 0.5)
+
+    def loss(simultaneous):
+        config = dataclasses.replace(DQN, simultaneous=simultaneous)
+        return dqn_loss(config, network, table, params, params, batch)[0]
+
+    assert loss(True) == pytest.approx(huber[:, np.asarray(table.verdict) == 0].mean(), rel=1e-4)
+    assert loss(False) == pytest.approx(huber[:, 3].mean(), rel=1e-4)
+
+
+def test_one_row_at_a_time_equals_every_row(env):
+    network, obs = QNetwork(NETWORK, 3), jax.random.normal(jax.random.key(0), (5, 3))
+    params = network.init(jax.random.key(1), env.table, obs, method="initialise")
+    embedding = network.apply(params, env.table, method="embed")
+    together = network.apply(params, obs, embedding, method="every_row")
+    for row in range(env.table.num_rows):
+        task = jnp.broadcast_to(embedding[row], (5, embedding.shape[1]))
+        np.testing.assert_allclose(network.apply(params, obs, task), together[:, row], atol=1e-5)
+
+
+@pytest.mark.parametrize("network", [NETWORK, dataclasses.replace(NETWORK, task_encoder="one_hot")])
+def test_probe_is_solved(env, network):
+    agent = make(env, network)
+    state = jax.jit(agent.init)(jax.random.key(0))
+    iterate = jax.jit(agent.iterate, donate_argnums=0)
+    for _ in range(20):
+        state, _ = iterate(state)
+    embedding, row, steps = agent.embed(state.params), env.table.initial_row[0], 0
+    env_state = env.reset_to_row(jax.random.key(1), row)
+    while not env_state.done and steps < 10:
+        action = agent.act(state.params, embedding, env_state.obs, env.row(env_state), jax.random.key(2), True)
+        env_state, steps = env.step(env_state, action), steps + 1
+    assert steps == 3 and env_state.reward == 1
+
+
+def test_epsilon_falls_linearly_and_stays():
+    config = dataclasses.replace(DQN, epsilon_start=1.0, epsilon_end=0.1, epsilon_fraction=0.2)
+    values = [float(epsilon(config, jnp.float32(p))) for p in (0.0, 0.1, 0.2, 0.7)]
+    np.testing.assert_allclose(values, [1.0, 0.55, 0.1, 0.1], atol=1e-6)
+
+
+def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
+    agent = make(env, steps_per_iteration=10, learning_starts=8 * 20, target_period=15)
+    init, iterate = jax.jit(agent.init), jax.jit(agent.iterate)
+    start = init(jax.random.key(0))
+    one, _ = iterate(start)
+    two, _ = iterate(one)
+    chex.assert_trees_all_equal(two.params, start.params)  # 20 steps of 8 environments: not yet more than 160
+    three, _ = iterate(two)
+    assert any((a != b).any() for a, b in zip(*map(jax.tree.leaves, (three.params, start.params)), strict=True))
+    chex.assert_trees_all_equal(three.target_params, start.params)  # next copy at gradient step 30
+    four, _ = iterate(three)
+    assert any((a != b).any() for a, b in zip(*map(jax.tree.leaves, (four.target_params, start.params)), strict=True))
+
+
+def test_replay_wraps_around_and_keeps_the_newest(env):
+    agent = make(env, buffer_size=64, steps_per_iteration=20, learning_starts=10_000)
+    state, _ = jax.jit(agent.iterate)(jax.jit(agent.init)(jax.random.key(0)))
+    assert state.buffer.is_full and state.buffer.current_index == (20 * 8) % 64
+    stored = state.buffer.experience
+    assert stored.obs.shape == (1, 64, 3)
+    labels_match = np.asarray(stored.letter[0]) == np.array([0, 1, 2])[np.asarray(stored.action[0])]
+    assert labels_match.all()  # every slot holds one consistent transition: action k makes letter k
+
+
+def test_vmapped_seeds_equal_single_seeds(env):
+    agent = make(env, steps_per_iteration=10, learning_starts=40)
+    keys = jax.random.split(jax.random.key(3), 2)
+    together, metrics_all = jax.jit(jax.vmap(agent.iterate))(jax.jit(jax.vmap(agent.init))(keys))
+    alone, metrics_one = jax.jit(agent.iterate)(jax.jit(agent.init)(keys[1]))
+    chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], metrics_all), metrics_one, atol=1e-3)
+    chex.assert_trees_all_equal(
+        jax.tree.map(lambda x: x[1], together.buffer.experience.action), alone.buffer.experience.action
+    )
+
+
+def test_iterations_compile_once(env):
+    agent = make(env, steps_per_iteration=5)
+    iterate = jax.jit(chex.assert_max_traces(agent.iterate, n=1), donate_argnums=0)
+    state = jax.jit(agent.init)(jax.random.key(0))
+    for _ in range(3):
+        state, _ = iterate(state)
+    assert state.iteration == 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"), [({"batch_size": 5000}, "buffer_size"), ({"num_envs": 0}, "at least 1")]
+)
+def test_impossible_settings_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(DQN, **changes)
