@@ -224,7 +224,7 @@ class WaterWorld(LabelledEnv):
         """The state one time step later. An action that is none of the five does nothing."""
         before: WaterWorldState = state.pipeline_state
         params = before.params
-        velocity = before.agent_velocity + params.increment * _direction(action, before.agent_velocity.dtype)
+        velocity = before.agent_velocity + params.increment * direction(action, before.agent_velocity.dtype)
         velocity = jnp.clip(velocity, -params.velocity_limit, params.velocity_limit)
         radii = params.radius_of_each_ball(self.config.balls_per_colour)[:, None]
         agent = _fly(before.agent_position, velocity, params.agent_radius, params)
@@ -270,7 +270,7 @@ class WaterWorld(LabelledEnv):
         return jnp.concatenate([*agent, jnp.concatenate([offsets, approach], axis=-1).reshape(-1)])
 
 
-def _direction(action: jax.Array, dtype: jnp.dtype) -> jax.Array:
+def direction(action: jax.Array, dtype: jnp.dtype) -> jax.Array:
     """Unit vector of an action, zero for none: ``[2]``. By comparison, which fuses where a lookup would not."""
     action = jnp.asarray(action).reshape(()).astype(jnp.int32)
     right, left, up, down = ((action == number).astype(dtype) for number in (2, 4, 1, 3))

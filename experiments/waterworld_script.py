@@ -1,0 +1,126 @@
+"""How far a hand-written player gets in WaterWorld, beside random actions.
+
+    python -m experiments.waterworld_script --episodes 300
+
+Nothing is learned: a learner that stays below these numbers leaves something to be found.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import tyro
+
+from experiments.quiet import quiet_imports
+
+with quiet_imports():
+    from envs.base import State
+    from envs.waterworld import EPISODE_LENGTH, NUM_ACTIONS, WaterWorld, WaterWorldConfig
+    from envs.waterworld_script import scripted_action
+    from t2tl_jax.ltl import TaskTable, compile_tasks, resolve_task
+    from t2tl_jax.task_env import TaskEnv
+
+Player = Callable[[State, jax.Array], jax.Array]
+"""A function of a state of the `TaskEnv` and a key that gives an action."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ScriptConfig:
+    """What is played."""
+
+    tasks: tuple[str, ...] = ("phi_water",)
+    """Names of tasks or formulas."""
+    episodes: int = 300
+    """Episodes of each task and player, each on another map."""
+    episode_length: int = EPISODE_LENGTH
+    """Steps after which an episode is cut."""
+    radii: tuple[float, ...] = ()
+    """Radius of each colour's balls; empty means 15 for all."""
+    seed: int = 0
+    """Seed of the maps and of the random actions."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """Means over the episodes of one player."""
+
+    total: float
+    """Return without discount, from -1 to 1."""
+    success: float
+    """Share of episodes that satisfied the task."""
+    violation: float
+    """Share of episodes that made it impossible."""
+    length: float
+    """Steps, cut episodes included."""
+
+
+def colours_of_rows(table: TaskTable) -> tuple[jax.Array, jax.Array]:
+    """What a task wants and forbids next, found by trying each proposition alone.
+
+    Returns:
+        Two ``bool[rows, P]``: propositions that change a row without deciding against it, and those that falsify it.
+    """
+    alone = table.letter(jnp.eye(len(table.propositions), dtype=bool))
+    after = table.next_row[:, alone]
+    avoided = table.verdict[after] < 0
+    return (after != jnp.arange(table.num_rows)[:, None]) & ~avoided, avoided
+
+
+def scripted_player(table: TaskTable) -> Player:
+    """Goes for what the present row wants and keeps away from what it forbids."""
+    wanted, avoided = colours_of_rows(table)
+
+    def act(state: State, key: jax.Array) -> jax.Array:
+        row = state.pipeline_state.row
+        return scripted_action(state.pipeline_state.env, wanted[row], avoided[row])
+
+    return act
+
+
+def random_player(state: State, key: jax.Array) -> jax.Array:
+    """Any action, uniformly."""
+    return jax.random.randint(key, (), 0, NUM_ACTIONS)
+
+
+def play(env: TaskEnv, player: Player, episodes: int, episode_length: int, seed: int) -> Outcome:
+    """Play whole episodes side by side, each with its own key."""
+
+    def episode(key: jax.Array) -> tuple[jax.Array, jax.Array]:
+        reset_key, action_key = jax.random.split(key)
+
+        def step(carry: tuple[State, jax.Array], key: jax.Array) -> tuple[tuple[State, jax.Array], None]:
+            state, length = carry
+            ended = state.done > 0
+            after = env.step(state, player(state, key))
+            state = jax.tree.map(lambda old, new: jnp.where(ended, old, new), state, after)
+            return (state, length + ~ended), None
+
+        first = (env.reset(reset_key), jnp.int32(0))
+        (state, length), _ = jax.lax.scan(step, first, jax.random.split(action_key, episode_length))
+        return env.table.verdict[env.row(state)], length
+
+    verdict, length = jax.jit(jax.vmap(episode))(jax.random.split(jax.random.key(seed), episodes))
+    success, violation = float((verdict > 0).mean()), float((verdict < 0).mean())
+    return Outcome(success - violation, success, violation, float(length.mean()))
+
+
+def main(config: ScriptConfig) -> None:
+    """Play every task with both players and print a table."""
+    world = WaterWorld(WaterWorldConfig(layout="random", pool_size=0, radii=config.radii))
+    print(f"{config.episodes} episodes of at most {config.episode_length} steps each, all on different maps")
+    print(f"{'task':<16} {'player':<8} {'return':>7} {'success':>8} {'violation':>10} {'steps':>7}")
+    for task in config.tasks:
+        table = compile_tasks(resolve_task(task), world.propositions, world.alphabet)
+        env = TaskEnv(world, table)
+        for name, player in (("random", random_player), ("script", scripted_player(table))):
+            result = play(env, player, config.episodes, config.episode_length, config.seed)
+            print(
+                f"{task:<16} {name:<8} {result.total:>7.2f} {result.success:>8.3f} {result.violation:>10.3f} "
+                f"{result.length:>7.1f}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main(tyro.cli(ScriptConfig, prog="python -m experiments.waterworld_script", description=__doc__))
