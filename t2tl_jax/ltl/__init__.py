@@ -1,6 +1,7 @@
-"""Co-safe linear temporal logic: from text to formula, progression, and the task table.
+"""Tasks as co-safe linear temporal logic or as reward machines: from text to the task table.
 
-Everything up to the table is plain Python; JAX is imported only when `TaskTable` or `compile_tasks` is first used.
+Everything up to the table is plain Python; JAX is imported only when `TaskTable` or a function that compiles one is
+first used.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from t2tl_jax.ltl.diagrams import ALPHABETS, AT_MOST_ONE, EVERY_SUBSET
 from t2tl_jax.ltl.errors import (
     LTLError,
     LTLSyntaxError,
+    MachineSyntaxError,
     NotCoSafeError,
     TooLargeError,
     UnknownPropositionError,
@@ -19,12 +21,23 @@ from t2tl_jax.ltl.formula import FALSE, TRUE, Formula, eventually, from_tuple, n
 from t2tl_jax.ltl.normal_form import negation_normal_form
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.progression import progress
+from t2tl_jax.ltl.reward_machine import RewardMachine, Transition, parse_machine
 from t2tl_jax.ltl.samplers import make_sampler, sample
-from t2tl_jax.ltl.tasks import PAPER_TASKS, WATER_PROPOSITIONS, ZONE_PROPOSITIONS, named_task, resolve_task
+from t2tl_jax.ltl.tasks import (
+    PAPER_TASKS,
+    REWARD_MACHINES,
+    WATER_PROPOSITIONS,
+    ZONE_PROPOSITIONS,
+    named_machines,
+    named_task,
+    read_machine,
+    resolve,
+    resolve_task,
+)
 from t2tl_jax.ltl.tokens import vocabulary_size
 
 if TYPE_CHECKING:
-    from t2tl_jax.ltl.task_table import TaskTable, compile_tasks
+    from t2tl_jax.ltl.task_table import TaskTable, compile_named, compile_reward_machines, compile_tasks
 
 __all__ = [
     "ALPHABETS",
@@ -32,6 +45,7 @@ __all__ = [
     "EVERY_SUBSET",
     "FALSE",
     "PAPER_TASKS",
+    "REWARD_MACHINES",
     "TRUE",
     "WATER_PROPOSITIONS",
     "ZONE_PROPOSITIONS",
@@ -39,21 +53,30 @@ __all__ = [
     "Formula",
     "LTLError",
     "LTLSyntaxError",
+    "MachineSyntaxError",
     "NotCoSafeError",
+    "RewardMachine",
     "TaskTable",
     "TooLargeError",
+    "Transition",
     "UnknownPropositionError",
     "UnknownTaskError",
+    "compile_named",
+    "compile_reward_machines",
     "compile_tasks",
     "eventually",
     "from_tuple",
     "make_sampler",
+    "named_machines",
     "named_task",
     "negation_normal_form",
     "next_",
     "parse",
+    "parse_machine",
     "progress",
     "prop",
+    "read_machine",
+    "resolve",
     "resolve_task",
     "sample",
     "until",
@@ -63,7 +86,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Import what needs JAX on first use, so that the command line starts fast."""
-    if name in ("TaskTable", "compile_tasks"):
+    if name in ("TaskTable", "compile_named", "compile_reward_machines", "compile_tasks"):
         from t2tl_jax.ltl import task_table
 
         return getattr(task_table, name)

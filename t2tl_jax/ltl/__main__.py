@@ -12,21 +12,24 @@ from t2tl_jax.ltl.budget import MAX_ROWS
 from t2tl_jax.ltl.describe import describe, describe_word, to_dot
 from t2tl_jax.ltl.errors import LTLError
 from t2tl_jax.ltl.formula import Formula
-from t2tl_jax.ltl.tasks import WATER_PROPOSITIONS, ZONE_PROPOSITIONS, resolve_task
+from t2tl_jax.ltl.machine_automaton import build_machines
+from t2tl_jax.ltl.reward_machine import RewardMachine
+from t2tl_jax.ltl.tasks import WATER_PROPOSITIONS, ZONE_PROPOSITIONS, resolve
 
 
 @dataclass(frozen=True)
 class Arguments:
-    """Compile co-safe LTL tasks and print the rows of their table, or the automaton as Graphviz text."""
+    """Compile co-safe LTL tasks, or reward machines, and print the rows of their table, or Graphviz text."""
 
     formulas: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FORMULA")]
-    """Formulas (`!Red U (Black & F White)`) or names of the paper's tasks (`phi_water`)."""
+    """Formulas (`!Red U (Black & F White)`) or names of the paper's tasks (`phi_water`); or reward machines, by name
+    (`rm_t10`) or file (`*.rm`)."""
     word: str | None = None
     """Labels to step through, steps apart by `;`, propositions by `,`: `a; ; a,b`."""
     alphabet: Literal["every_subset", "at_most_one"] = "every_subset"
     """Which letters exist: every set of propositions, or at most one proposition at a time."""
     propositions: str | None = None
-    """The environment's propositions in its order, apart by `,`. By default those of the formulas."""
+    """The environment's propositions in its order, apart by `,`. By default those of the tasks."""
     dot: bool = False
     """Print the automaton as Graphviz text and nothing else."""
     max_rows: int = MAX_ROWS
@@ -50,22 +53,31 @@ def run(arguments: Arguments) -> str:
     """Return what the command prints."""
     if not arguments.formulas:
         raise LTLError("give at least one formula, for example 'F(a & F b)'")
-    formulas = [resolve_task(text) for text in arguments.formulas]
-    names = _propositions(formulas) if arguments.propositions is None else tuple(_split(arguments.propositions, ","))
-    automaton = build(formulas, names, arguments.alphabet, max_rows=arguments.max_rows)
+    resolved = [resolve(text) for text in arguments.formulas]
+    formulas = [task for task in resolved if isinstance(task, Formula)]
+    machines = [machine for task in resolved if not isinstance(task, Formula) for machine in task]
+    if formulas and machines:
+        raise LTLError("formulas and reward machines cannot share a table; give either")
+    tasks: list[Formula] | list[RewardMachine] = formulas or machines
+    names = _propositions(tasks) if arguments.propositions is None else tuple(_split(arguments.propositions, ","))
+    if machines:
+        automaton = build_machines(machines, names, arguments.alphabet, max_rows=arguments.max_rows)
+    else:
+        automaton = build(formulas, names, arguments.alphabet, max_rows=arguments.max_rows)
     if arguments.dot:
         return to_dot(automaton)
     text = describe(automaton)
     if arguments.word is not None:
         word = [set(_split(step, ",")) for step in arguments.word.split(";")]
-        for task, formula in enumerate(formulas):
-            text += f"\n\nword, task {task}: {formula}\n{describe_word(automaton, word, task)}"
+        for number, task in enumerate(tasks):
+            shown = task.name if isinstance(task, RewardMachine) else task
+            text += f"\n\nword, task {number}: {shown}\n{describe_word(automaton, word, number)}"
     return text
 
 
-def _propositions(formulas: list[Formula]) -> tuple[str, ...]:
+def _propositions(tasks: list[Formula] | list[RewardMachine]) -> tuple[str, ...]:
     """Return the paper's order where all propositions are one environment's, else alphabetical order."""
-    used = {name for formula in formulas for name in formula.propositions()}
+    used = {name for task in tasks for name in task.propositions()}
     for known in (ZONE_PROPOSITIONS, WATER_PROPOSITIONS):
         if used and used <= set(known):
             return known

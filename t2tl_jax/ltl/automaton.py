@@ -20,10 +20,10 @@ from t2tl_jax.ltl.tokens import decode
 
 @dataclass(frozen=True, eq=False)
 class Automaton:
-    """The minimal automaton of one or more tasks; row 0 is true and row 1 is false.
+    """The automaton of one or more tasks; row 0 is true and row 1 is false. That of formulas is minimal.
 
     Attributes:
-        tokens: per row, the token ids of its shortest formula.
+        tokens: per row, the token ids of its shortest formula; none for a state of a reward machine.
         next_row: int32 `[rows, letters]`, the row that each letter leads to.
         verdict: int8 `[rows]`, +1 true, -1 false, 0 open.
         initial_row: int32 `[tasks]`.
@@ -31,6 +31,8 @@ class Automaton:
         propositions: the environment's propositions, in its order.
         used: the propositions that the formulas use, in the environment's order.
         alphabet: "every_subset" or "at_most_one".
+        states: per row, the name of the reward machine's state; empty when the rows are formulas.
+        rewards: float32 `[rows, letters]`, what each transition of a reward machine pays; None for formulas.
     """
 
     tokens: tuple[Tokens, ...]
@@ -41,10 +43,18 @@ class Automaton:
     propositions: tuple[str, ...]
     used: tuple[str, ...]
     alphabet: str
+    states: tuple[str, ...] = ()
+    rewards: np.ndarray | None = None
 
     def formula(self, row: int) -> Formula:
-        """Return the formula that a row shows."""
+        """Return the formula that a row shows; LTLError when the rows are states of reward machines."""
+        if self.states:
+            raise no_formulas()
         return decode(self.tokens[row], self.propositions)
+
+    def text(self, row: int) -> str:
+        """Return what a row shows: its formula, or the name of its state."""
+        return self.states[row] if self.states else str(self.formula(row))
 
     def letter(self, label: Iterable[str]) -> int:
         """Return the letter in which exactly the propositions of `label` are true."""
@@ -67,7 +77,7 @@ def build(
     """Compile tasks to one automaton; `compile_tasks` documents the arguments and errors."""
     tasks = [formulas] if isinstance(formulas, str | Formula) else list(formulas)
     normal = [negation_normal_form(parse(task) if isinstance(task, str) else task) for task in tasks]
-    names, used = _check(normal, propositions, alphabet)
+    names, used = check_names(normal, propositions, alphabet)
     budget = Budget(max_rows=max_rows, max_work=MAX_WORK + MORE_WORK_PER_TASK * len(tasks))
     core = Core([names[index] for index in used])
     roots = [core.add(formula) for formula in normal]
@@ -87,15 +97,13 @@ def build(
         row_of_leaf[state] = row_of_class[number]
         if number > 1:
             diagram_of_row[row_of_class[number]] = diagram_of[state]
-    weights = np.zeros(len(names), np.int32)
-    weights[used] = [j + 1 if alphabet == AT_MOST_ONE else 2**j for j in range(len(used))]
-    _check_cells(len(row_of_class), len(used), alphabet)
+    check_cells(len(row_of_class), len(used), alphabet)
     return Automaton(
         tokens=tuple(shown[number] for number in sorted(row_of_class, key=lambda number: row_of_class[number])),
         next_row=row_of_leaf[diagrams.table(diagram_of_row, len(used))],
         verdict=np.array([1, -1] + [0] * (len(row_of_class) - 2), np.int8),
         initial_row=np.array([row_of_class[classes[explored.start[root]]] for root in roots], np.int32),
-        letter_weights=weights,
+        letter_weights=letter_weights(len(names), used, alphabet),
         propositions=names,
         used=tuple(names[index] for index in used),
         alphabet=alphabet,
@@ -173,7 +181,15 @@ def _order_rows(explored: _Explored, classes: dict[int, int], shown: dict[int, T
     return rows
 
 
-def _check_cells(rows: int, num_used: int, alphabet: str) -> None:
+def letter_weights(num_propositions: int, used: list[int], alphabet: str) -> np.ndarray:
+    """Return int32 `[num_propositions]`: how label vectors become letters when the tasks use these propositions."""
+    weights = np.zeros(num_propositions, np.int32)
+    weights[used] = [j + 1 if alphabet == AT_MOST_ONE else 2**j for j in range(len(used))]
+    return weights
+
+
+def check_cells(rows: int, num_used: int, alphabet: str) -> None:
+    """Refuse a table with too many entries."""
     letters = num_used + 1 if alphabet == AT_MOST_ONE else 2**num_used
     if rows * letters > MAX_CELLS:
         hint = "" if alphabet == AT_MOST_ONE else f'; the alphabet "{AT_MOST_ONE}" needs {num_used + 1} letters only'
@@ -183,7 +199,9 @@ def _check_cells(rows: int, num_used: int, alphabet: str) -> None:
         )
 
 
-def _check(formulas: list[Formula], propositions: Sequence[str], alphabet: str) -> tuple[tuple[str, ...], list[int]]:
+def check_names(
+    formulas: Sequence[Formula], propositions: Sequence[str], alphabet: str
+) -> tuple[tuple[str, ...], list[int]]:
     """Check names and alphabet; return the environment's propositions and the indices of those used."""
     if isinstance(propositions, str):
         raise LTLError(f"propositions is a sequence of names, got the string {propositions!r}")
@@ -207,6 +225,14 @@ def _check(formulas: list[Formula], propositions: Sequence[str], alphabet: str) 
             f'most one true at a time, use the alphabet "{AT_MOST_ONE}"'
         )
     return names, [index for index, name in enumerate(names) if name in mentioned]
+
+
+def no_formulas() -> LTLError:
+    """Return the error for asking a table of reward machines for formulas or tokens."""
+    return LTLError(
+        "the rows of this table are states of reward machines, which have no formula to read: use a one-hot task "
+        "encoder, or write the task as a formula"
+    )
 
 
 def unknown_proposition(name: str, known: Sequence[str]) -> UnknownPropositionError:

@@ -11,8 +11,8 @@ _VERDICT = {1: "true", -1: "false", 0: "open"}
 
 
 def describe(automaton: Automaton) -> str:
-    """Return a listing of rows (formula, tokens, verdict) with their transitions; rows in which nothing can change
-    (true and false) list none."""
+    """Return a listing of rows (verdict, formula and tokens, or state) with their transitions; rows in which nothing
+    can change (true and false) list none."""
     rows, letters = automaton.next_row.shape
     lines = [
         f"{rows} rows, {len(automaton.initial_row)} task{'s' * (len(automaton.initial_row) != 1)}, {letters} letters "
@@ -23,10 +23,13 @@ def describe(automaton: Automaton) -> str:
         begins = [str(task) for task, start in enumerate(starts) if start == row]
         mark = f"   <- task {', '.join(begins)}" if begins else ""
         lines.append(f"\nrow {row} [{_VERDICT[int(automaton.verdict[row])]}]{mark}")
-        lines.append(f"  formula  {automaton.formula(row)}")
-        lines.append(f"  tokens   {len(automaton.tokens[row])}: {' '.join(map(str, automaton.tokens[row]))}")
+        if automaton.states:
+            lines.append(f"  state    {automaton.text(row)}")
+        else:
+            lines.append(f"  formula  {automaton.text(row)}")
+            lines.append(f"  tokens   {len(automaton.tokens[row])}: {' '.join(map(str, automaton.tokens[row]))}")
         if automaton.verdict[row] == 0:
-            lines += [f"  -> {target:<4d}  {guard(automaton, row, target)}" for target in successors(automaton, row)]
+            lines += [f"  -> {target:<4d}  {condition}" for target, condition in transitions(automaton, row)]
     return "\n".join(lines)
 
 
@@ -36,6 +39,20 @@ def successors(automaton: Automaton, row: int) -> list[int]:
     return sorted(targets, key=lambda target: (target != row, target))
 
 
+def transitions(automaton: Automaton, row: int) -> list[tuple[int, str]]:
+    """Return the rows that some letter leads to and when; for reward machines, one entry per reward (`guard / 1`)."""
+    found = []
+    for target in successors(automaton, row):
+        letters = automaton.next_row[row] == target
+        if automaton.rewards is None:
+            found.append((target, guard(automaton, letters)))
+            continue
+        for reward in np.unique(automaton.rewards[row, letters]).tolist():
+            pays = f" / {reward:g}" if reward else ""
+            found.append((target, guard(automaton, letters & (automaton.rewards[row] == reward)) + pays))
+    return found
+
+
 def describe_word(automaton: Automaton, word: Sequence[Collection[str]], task: int = 0) -> str:
     """Return one line per step of a word: the label, the verdict after it, and the formula that remains.
 
@@ -43,11 +60,11 @@ def describe_word(automaton: Automaton, word: Sequence[Collection[str]], task: i
         UnknownPropositionError: for a label with a proposition that the environment does not have.
     """
     row = int(automaton.initial_row[task])
-    lines = [f"{'start':<20}  {_VERDICT[int(automaton.verdict[row])]:<5}  row {row}: {automaton.formula(row)}"]
+    lines = [f"{'start':<20}  {_VERDICT[int(automaton.verdict[row])]:<5}  row {row}: {automaton.text(row)}"]
     for step, label in enumerate(word, 1):
         row = int(automaton.next_row[row, automaton.letter(label)])
         shown = f"{step} {{{', '.join(sorted(label))}}}"
-        lines.append(f"{shown:<20}  {_VERDICT[int(automaton.verdict[row])]:<5}  row {row}: {automaton.formula(row)}")
+        lines.append(f"{shown:<20}  {_VERDICT[int(automaton.verdict[row])]:<5}  row {row}: {automaton.text(row)}")
     return "\n".join(lines)
 
 
@@ -60,12 +77,12 @@ def to_dot(automaton: Automaton) -> str:
     for row in sorted(reached):
         verdict = int(automaton.verdict[row])
         style = {1: ', peripheries=2, color="darkgreen"', -1: ', color="firebrick"', 0: ""}[verdict]
-        lines.append(f"  {row} [label={_quoted(f'{row}: {automaton.formula(row)}')}{style}];")
+        lines.append(f"  {row} [label={_quoted(f'{row}: {automaton.text(row)}')}{style}];")
     for task, start in enumerate(automaton.initial_row.tolist()):
         lines += [f'  task{task} [shape=plaintext, label="task {task}"];', f"  task{task} -> {start};"]
     for row in sorted(reached):
-        for target in successors(automaton, row):
-            lines.append(f"  {row} -> {target} [label={_quoted(guard(automaton, row, target))}];")
+        for target, condition in transitions(automaton, row):
+            lines.append(f"  {row} -> {target} [label={_quoted(condition)}];")
     return "\n".join([*lines, "}"])
 
 

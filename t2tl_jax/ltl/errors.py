@@ -12,15 +12,24 @@ class LTLSyntaxError(LTLError):
     """Malformed formula text; the message shows the line with a caret under the place.
 
     Attributes:
+        problem: what is wrong, without the place.
         text: the whole formula text.
         position: index into `text` at which reading failed.
         expected: what could have stood there, in words.
     """
 
     def __init__(self, problem: str, text: str, position: int, expected: str = "") -> None:
-        self.text, self.position, self.expected = text, position, expected
+        self.problem, self.text, self.position, self.expected = problem, text, position, expected
         hint = f"\nexpected {expected}" if expected else ""
         super().__init__(f"{problem}\n{caret(text, position)}{hint}")
+
+
+class MachineSyntaxError(LTLSyntaxError):
+    """Malformed text of a reward machine; the message names machine and line, and shows the line with a caret."""
+
+    def __init__(self, machine: str, problem: str, text: str, position: int, expected: str = "") -> None:
+        self.line = text.count("\n", 0, position) + 1
+        super().__init__(f"{machine}, line {self.line}: {problem}", text, position, expected)
 
 
 class NotCoSafeError(LTLError):

@@ -10,9 +10,8 @@ Cube = tuple[tuple[int, bool], ...]
 """Propositions (indices into `used`) with the value that each must have; the others are free."""
 
 
-def guard(automaton: Automaton, row: int, target: int) -> str:
-    """Return a formula over propositions: in which steps `row` goes to `target`; "" when in none."""
-    letters = automaton.next_row[row] == target
+def guard(automaton: Automaton, letters: np.ndarray) -> str:
+    """Return a formula over propositions that holds in exactly the given letters (bool `[letters]`); "" for none."""
     names = [quote(name) for name in automaton.used]
     if letters.all():
         return "true"

@@ -38,6 +38,8 @@ _TOKEN = re.compile(
     re.VERBOSE | re.DOTALL,
 )
 
+_BOOLEAN = frozenset({"prop", "True", "False", "not", "and", "or", "implies", "iff"})
+
 _OPERAND = "a proposition, true, false, ( or one of ! X F G"
 _OPERATOR = "& | -> <-> U R W M"
 
@@ -56,19 +58,20 @@ class _Pending(NamedTuple):
     position: int
 
 
-def parse(text: str, *, co_safe: bool = True) -> Formula:
+def parse(text: str, *, co_safe: bool = True, temporal: bool = True) -> Formula:
     """Read a formula.
 
     Args:
         text: for example `!Red U (Black & F "light on")`.
         co_safe: also check that the formula is syntactically co-safe, which `compile_tasks` needs.
+        temporal: allow operators that speak of later steps; the guards of reward machines have none.
 
     Raises:
         LTLSyntaxError: malformed text; the message shows the place and what could stand there.
         NotCoSafeError: some operator makes the formula unsatisfiable by finite words; the message names it.
         TooLargeError: beyond `MAX_SIZE` nodes or `MAX_DEPTH` levels.
     """
-    return _Parser(text).parse(co_safe)
+    return _Parser(text).parse(co_safe, temporal)
 
 
 class _Parser:
@@ -82,7 +85,7 @@ class _Parser:
         # Where each node's operator stands. Keyed by identity: equal subformulas stand at several places.
         self.positions: dict[int, int] = {}
 
-    def parse(self, co_safe: bool) -> Formula:
+    def parse(self, co_safe: bool, temporal: bool) -> Formula:
         wants_operand = True
         for token in self._tokens():
             wants_operand = self._read_operand(token) if wants_operand else self._read_operator(token)
@@ -97,10 +100,20 @@ class _Parser:
                 )
             self._apply()
         (formula,) = self.operands
+        if not temporal:
+            self._refuse_temporal(formula)
         if co_safe and (offence := find_offence(formula)) is not None:
             place = caret(self.text, self.positions.get(id(offence.subformula), 0))
             raise NotCoSafeError(f"{offence.message}\n{place}")
         return formula
+
+    def _refuse_temporal(self, formula: Formula) -> None:
+        for node in formula.nodes():
+            if node.op not in _BOOLEAN:
+                place = self.positions.get(id(node), 0)
+                match = _TOKEN.match(self.text, place)
+                written = match.group() if match else node.op
+                raise LTLSyntaxError(f"{written!r} speaks of later steps", self.text, place, "only ! & | -> <->")
 
     def _tokens(self) -> list[_Token]:
         tokens, position = [], 0

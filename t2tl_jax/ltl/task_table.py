@@ -1,4 +1,4 @@
-"""The task table: LTL tasks as arrays, so that a task state is one row number and progression is one gather."""
+"""The task table: tasks as arrays, so that a task state is one row number and progression is one gather."""
 
 from collections.abc import Iterable, Sequence
 
@@ -8,22 +8,26 @@ import jax.numpy as jnp
 import numpy as np
 
 from t2tl_jax.ltl import tokens as vocabulary
-from t2tl_jax.ltl.automaton import Automaton, build
+from t2tl_jax.ltl.automaton import Automaton, build, no_formulas
 from t2tl_jax.ltl.budget import MAX_ROWS
 from t2tl_jax.ltl.diagrams import AT_MOST_ONE
-from t2tl_jax.ltl.errors import TooLargeError
+from t2tl_jax.ltl.errors import LTLError, TooLargeError
 from t2tl_jax.ltl.formula import Formula
+from t2tl_jax.ltl.machine_automaton import build_machines
+from t2tl_jax.ltl.reward_machine import RewardMachine
+from t2tl_jax.ltl.tasks import resolve
 
 
 @flax.struct.dataclass
 class TaskTable:
-    """Every formula that progression can reach from a set of tasks, one row each.
+    """Every formula that progression can reach from a set of tasks, one row each; or every state of reward machines.
 
-    Rows are classes of formulas with the same meaning; each shows its shortest formula. Row 0 is true, row 1 is false.
+    Rows of formulas are classes with the same meaning; each shows its shortest formula. Row 0 is true, row 1 is false.
     Only names are static: two tables of equal shapes over the same propositions share one compiled program.
 
     Attributes:
-        tokens: int32 `[rows, length]`, token ids in prefix order, padded with 0 on the right.
+        tokens: int32 `[rows, length]`, token ids in prefix order, padded with 0 on the right; all padding for the open
+            rows of reward machines.
         mask: bool `[rows, length]`, True at tokens, False at padding.
         next_row: int32 `[rows, letters]`, the row that each letter leads to.
         verdict: int8 `[rows]`, +1 when every continuation satisfies the row, -1 when none does, 0 while open.
@@ -31,6 +35,8 @@ class TaskTable:
         letter_weights: int32 `[P]`, how labels become letters; 0 for propositions that no formula uses.
         propositions: the environment's propositions, in its order (static).
         alphabet: "every_subset" or "at_most_one" (static).
+        transition_reward: float32 `[rows, letters]`, what reward machines pay; None where the verdict is the reward.
+        states: names of the rows of reward machines, empty for formulas (static).
     """
 
     tokens: jax.Array
@@ -41,6 +47,8 @@ class TaskTable:
     letter_weights: jax.Array
     propositions: tuple[str, ...] = flax.struct.field(pytree_node=False)
     alphabet: str = flax.struct.field(pytree_node=False)
+    transition_reward: jax.Array | None = None
+    states: tuple[str, ...] = flax.struct.field(pytree_node=False, default=())
 
     # ----- inside jit -----
 
@@ -65,8 +73,50 @@ class TaskTable:
         return self.next_row[row, letter]
 
     def reward(self, row: jax.Array) -> jax.Array:
-        """Return float32 `[...]`: +1 for a true row, -1 for a false one, 0 while the task is open."""
+        """Return float32 `[...]`: +1 for a true row, -1 for a false one, 0 while the task is open.
+
+        Raises:
+            LTLError: for reward machines, which pay by transition; see `step`.
+        """
+        if self.transition_reward is not None:
+            raise LTLError("reward machines pay by transition, not by row: use step(row, letter)")
         return self.verdict[row].astype(jnp.float32)
+
+    def step(self, row: jax.Array, letter: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Return the rows that follow `row` after `letter`, and the rewards: `progress` and what that pays.
+
+        Args:
+            row: int32 `[...]`.
+            letter: int32 `[...]`.
+
+        Returns:
+            int32 `[...]` and float32 `[...]`.
+        """
+        following = self.progress(row, letter)
+        if self.transition_reward is None:
+            return following, self.reward(following)
+        return following, self.transition_reward[row, letter]
+
+    def step_all(self, letter: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Return what `step` gives from every row: one transition seen by all tasks and sub-tasks at once.
+
+        Only the rows that `is_open` marks are tasks that were still to do; mask the others.
+
+        Args:
+            letter: int32 `[...]`.
+
+        Returns:
+            int32 `[rows, ...]` and float32 `[rows, ...]`, row k for the task state k.
+        """
+        following = self.next_row[:, letter]
+        if self.transition_reward is None:
+            return following, self.reward(following)
+        return following, self.transition_reward[:, letter]
+
+    @property
+    def is_open(self) -> jax.Array:
+        """Rows that are neither true nor false: bool `[rows]`."""
+        return self.verdict == 0
 
     # ----- on the host -----
 
@@ -87,12 +137,28 @@ class TaskTable:
 
     @property
     def vocabulary_size(self) -> int:
-        """Rows that an embedding of the tokens needs; depends on the environment's propositions only."""
+        """Rows that an embedding of the tokens needs; depends on the environment's propositions only.
+
+        Raises:
+            LTLError: for reward machines, whose rows have no tokens: every encoder that reads tokens stops here.
+        """
+        if self.states:
+            raise no_formulas()
         return vocabulary.vocabulary_size(len(self.propositions))
 
     def formula(self, row: int) -> Formula:
-        """Return the formula that a row shows (not inside jit)."""
+        """Return the formula that a row shows (not inside jit).
+
+        Raises:
+            LTLError: for reward machines; see `text`.
+        """
+        if self.states:
+            raise no_formulas()
         return vocabulary.decode(np.asarray(self.tokens[row]).tolist(), self.propositions)
+
+    def text(self, row: int) -> str:
+        """Return what a row shows, as text: its formula, or the name of its state (not inside jit)."""
+        return self.states[row] if self.states else str(self.formula(row))
 
     def automaton(self) -> Automaton:
         """Return the same content as NumPy arrays, without padding (not inside jit)."""
@@ -107,10 +173,12 @@ class TaskTable:
             propositions=self.propositions,
             used=tuple(name for name, weight in zip(self.propositions, weights, strict=True) if weight),
             alphabet=self.alphabet,
+            states=self.states,
+            rewards=None if self.transition_reward is None else np.asarray(self.transition_reward),
         )
 
     def describe(self) -> str:
-        """Return a readable listing: each row's formula, verdict, and transitions (not inside jit)."""
+        """Return a readable listing: each row's formula or state, verdict, and transitions (not inside jit)."""
         from t2tl_jax.ltl.describe import describe  # only a person waits for it
 
         return describe(self.automaton())
@@ -138,7 +206,61 @@ def compile_tasks(
         LTLSyntaxError, NotCoSafeError, UnknownPropositionError: as the formulas deserve.
         TooLargeError: too many rows, letters or nodes, or a row that does not fit into `length`.
     """
-    automaton = build(formulas, propositions, alphabet, max_rows=max_rows)
+    return _to_table(build(formulas, propositions, alphabet, max_rows=max_rows), length)
+
+
+def compile_reward_machines(
+    machines: RewardMachine | Iterable[RewardMachine],
+    propositions: Sequence[str],
+    alphabet: str = "every_subset",
+    *,
+    length: int | None = None,
+    max_rows: int = MAX_ROWS,
+) -> TaskTable:
+    """Compile reward machines to one table, on the host.
+
+    Row 0 is `done`, row 1 is `fail`; the states follow, machine by machine, each machine's in its own order. Nothing is
+    merged, so an open row minus 2 is the index of (machine, state) in the published one-hot code. The verdict tells
+    success from failure whatever the machines pay.
+
+    Args:
+        machines: one or more machines.
+        propositions: the environment's propositions, in its order.
+        alphabet: as in `compile_tasks`.
+        length: columns of `tokens`, which hold nothing here.
+        max_rows: refuse machines with more states than this.
+
+    Raises:
+        UnknownPropositionError: for a guard over other propositions.
+        TooLargeError: too many rows or letters.
+    """
+    return _to_table(build_machines(machines, propositions, alphabet, max_rows=max_rows), length)
+
+
+def compile_named(
+    text: str, propositions: Sequence[str], alphabet: str = "every_subset", *, length: int | None = None
+) -> TaskTable:
+    """Compile a task as a configuration names it.
+
+    Args:
+        text: a formula, the name of a formula (`phi_water`) or of reward machines (`rm_t10`, `rm_water`), or the path
+            of a reward machine's file (`*.rm`).
+        propositions: as in `compile_tasks`.
+        alphabet: as in `compile_tasks`.
+        length: as in `compile_tasks`.
+
+    Raises:
+        UnknownTaskError: an unknown name (with the nearest), or a file that cannot be read.
+        LTLError: anything else that is wrong with the task.
+    """
+    task = resolve(text)
+    if isinstance(task, Formula):
+        return compile_tasks(task, propositions, alphabet, length=length)
+    return compile_reward_machines(task, propositions, alphabet, length=length)
+
+
+def _to_table(automaton: Automaton, length: int | None) -> TaskTable:
+    """Pad the tokens to `length` and put the arrays on the device."""
     longest = max(len(row) for row in automaton.tokens)
     if length is None:
         length = longest
@@ -155,4 +277,11 @@ def compile_tasks(
         "initial_row": automaton.initial_row,
         "letter_weights": automaton.letter_weights,
     }
-    return TaskTable(**jax.device_put(arrays), propositions=automaton.propositions, alphabet=automaton.alphabet)
+    if automaton.rewards is not None:
+        arrays["transition_reward"] = automaton.rewards
+    return TaskTable(
+        **jax.device_put(arrays),
+        propositions=automaton.propositions,
+        alphabet=automaton.alphabet,
+        states=automaton.states,
+    )

@@ -1,8 +1,12 @@
-"""The tasks of the paper, by name."""
+"""Tasks by name: the formulas of the paper, and the reward machines of the water benchmark."""
 
-from t2tl_jax.ltl.errors import UnknownTaskError, nearest
+from importlib.resources import files
+from pathlib import Path
+
+from t2tl_jax.ltl.errors import LTLError, UnknownTaskError, nearest
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.parser import parse
+from t2tl_jax.ltl.reward_machine import RewardMachine, parse_machine
 
 ZONE_PROPOSITIONS = ("Black", "White", "Red", "Yellow")
 """The zone environment's colours, in its order."""
@@ -52,8 +56,80 @@ def resolve_task(text: str) -> Formula:
     """Return the task with this name, or else the formula with this text.
 
     A text that begins like a task name (`phi_...`) and is one word is taken for a misspelt name.
+
+    Raises:
+        UnknownTaskError: for a misspelt name.
+        LTLError: for reward machines, and as the formula deserves.
     """
     word = text.strip()
+    if word in REWARD_MACHINES:
+        raise LTLError(f"{word} is a reward machine, not a formula; compile_named takes both")
     if word in PAPER_TASKS or (word.startswith("phi_") and word.isidentifier()):
         return named_task(word)
     return parse(text)
+
+
+def _reward_machines() -> dict[str, tuple[str, ...]]:
+    water = [f"t{number}" for number in range(1, 11)]
+    published = [*water[:8], "t9_published", "t10_published"]
+    single = {f"rm_{name}": (name,) for name in dict.fromkeys([*water, *published, "phi_water"])}
+    return single | {"rm_water": tuple(water), "rm_water_published": tuple(published)}
+
+
+REWARD_MACHINES: dict[str, tuple[str, ...]] = _reward_machines()
+"""Per task name, the files in `reward_machines/` (without suffix) whose machines it stands for, in order.
+
+`rm_t1` to `rm_t10` are the ten tasks of the water benchmark (Toro Icarte et al., JAIR 2022) over propositions a to f,
+`rm_water` is all of them. In the published program t9 and t10 also pay 1 for a wrong touch in their last state:
+`rm_t9_published`, `rm_t10_published`, `rm_water_published`. `rm_phi_water` is `phi_water` as a machine.
+"""
+
+
+def named_machines(name: str) -> tuple[RewardMachine, ...]:
+    """Return the reward machines that a name of `REWARD_MACHINES` stands for.
+
+    Raises:
+        UnknownTaskError: lists the known names and the nearest.
+    """
+    if name not in REWARD_MACHINES:
+        raise UnknownTaskError(
+            f'unknown reward machine "{name}"; known: {", ".join(REWARD_MACHINES)}{nearest(name, REWARD_MACHINES)}'
+        )
+    folder = files("t2tl_jax.ltl") / "reward_machines"
+    return tuple(
+        parse_machine((folder / f"{stem}.rm").read_text(encoding="utf-8"), stem) for stem in REWARD_MACHINES[name]
+    )
+
+
+def read_machine(path: str | Path) -> RewardMachine:
+    """Read a file of a reward machine; the machine's name is the file's, without suffix.
+
+    Raises:
+        UnknownTaskError: the file cannot be read as text.
+        MachineSyntaxError: malformed text.
+    """
+    try:
+        return parse_machine(Path(path).read_text(encoding="utf-8"), Path(path).stem)
+    except OSError as error:
+        raise UnknownTaskError(f"cannot read the reward machine {path}: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise UnknownTaskError(f"cannot read the reward machine {path}: {error}") from None
+
+
+def resolve(text: str) -> Formula | tuple[RewardMachine, ...]:
+    """Return the formula or the reward machines that a text stands for.
+
+    Args:
+        text: a name of `PAPER_TASKS` or `REWARD_MACHINES`, a path that ends in `.rm`, or a formula. One word that
+            begins with `phi_` or `rm_` is taken for a name.
+
+    Raises:
+        UnknownTaskError: an unknown name, or a file that cannot be read.
+        LTLError: as the formula or the machine deserves.
+    """
+    word = text.strip()
+    if word.endswith(".rm"):
+        return (read_machine(word),)
+    if word.startswith("rm_") and word.isidentifier():
+        return named_machines(word)
+    return resolve_task(word)
