@@ -82,6 +82,13 @@ class RewardMachine:
     transitions: tuple[Transition, ...]
     text: str = field(default="", compare=False, repr=False)
 
+    def __post_init__(self) -> None:
+        states = self.states
+        targets = {transition.target for transition in self.transitions} - {DONE, FAIL}
+        for name in (self.start, *sorted(targets), *({self.otherwise} - {STAY, DONE, FAIL})):
+            if name not in states:
+                raise LTLError(f'{self.name}: "{name}" is none of its states: {", ".join(states)}')
+
     @property
     def states(self) -> tuple[str, ...]:
         """The states other than `done` and `fail`, in their order."""
