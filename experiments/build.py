@@ -2,12 +2,16 @@
 
 from dataclasses import dataclass
 
-from envs.zones import ZoneEnv
+from envs import registry
+from envs.base import LabelledEnv
 from experiments.configs import Config
 from experiments.errors import UserError
 from t2tl_jax.agents.agent import Agent
+from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import TaskTable, compile_tasks, resolve_task
+from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
 
 
@@ -32,18 +36,17 @@ def build(config: Config) -> Experiment:
         UserError: for an unknown task or impossible settings, in the words of whoever noticed.
     """
     try:
-        env = ZoneEnv(config.env)
+        env = registry.make(config.env)
         table = make_table(config, env)
-        iterations = -(-config.frames // config.ppo.batch_size)
-        training_env = TaskEnv(env, table, config.simultaneous)
-        agent = make_ppo(training_env, config.network, config.ppo, config.episode_length, iterations)
+        iterations = -(-config.frames // config.learner.frames_per_iteration)
+        agent = _make_agent(config, TaskEnv(env, table, config.simultaneous), iterations)
         texts = tuple(str(table.formula(row)) for row in range(table.num_rows))
         return Experiment(TaskEnv(env, table), agent, iterations, texts)
     except ValueError as error:
         raise UserError(str(error)) from error
 
 
-def make_table(config: Config, env: ZoneEnv) -> TaskTable:
+def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     """Compile the task of a configuration for an environment.
 
     Raises:
@@ -51,3 +54,11 @@ def make_table(config: Config, env: ZoneEnv) -> TaskTable:
     """
     formula = resolve_task(config.task)
     return compile_tasks([formula], env.propositions, env.alphabet, length=config.task_length or None)
+
+
+def _make_agent(config: Config, env: TaskEnv, iterations: int) -> Agent:
+    if config.dqn is not None:
+        assert isinstance(config.network, QNetworkConfig)  # checked when the configuration was made
+        return make_dqn(env, config.network, config.dqn, config.episode_length, iterations)
+    assert config.ppo is not None and isinstance(config.network, NetworkConfig)
+    return make_ppo(env, config.network, config.ppo, config.episode_length, iterations)

@@ -111,8 +111,9 @@ def parse(kind: type[T], arguments: Sequence[str], prog: str, description: str |
         raise UserError(str(error)) from error
 
 
-OPTIONS = (tyro.conf.FlagConversionOff,)
-"""Truth values are written out (``--run.gif False``), as in the configuration file."""
+OPTIONS = (tyro.conf.FlagConversionOff, tyro.conf.AvoidSubcommands)
+"""Truth values are written out (``--run.gif False``), as in the configuration file. Of environments, networks and
+learners the flags are those of the kind that the chosen configuration has."""
 
 
 def _plain(complaint: str) -> str:

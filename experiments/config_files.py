@@ -1,13 +1,28 @@
 """A configuration as JSON and back. Only the fields of the dataclasses are accepted, so a file cannot run code."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cattrs
 
+from envs.registry import EnvConfig
+from envs.waterworld import WaterWorldConfig
+from envs.zones import ZoneConfig
 from experiments.configs import Config
 from experiments.errors import UserError, nearest
+from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.q_network import QNetworkConfig
+
+KIND = "kind"
+"""Field of the JSON that says which of several dataclasses an object is."""
+
+UNIONS: dict[Any, dict[str, type]] = {
+    EnvConfig: {"zones": ZoneConfig, "waterworld": WaterWorldConfig},
+    NetworkConfig | QNetworkConfig: {"actor_critic": NetworkConfig, "action_values": QNetworkConfig},
+}
+"""Fields of ``Config`` that may be of several dataclasses. The first one is meant where no kind is named."""
 
 
 def _converter() -> cattrs.Converter:
@@ -16,6 +31,9 @@ def _converter() -> cattrs.Converter:
     for kind in (bool, int, str):
         converter.register_structure_hook(kind, _exactly)
     converter.register_structure_hook(float, _number)
+    for union, kinds in UNIONS.items():
+        converter.register_structure_hook(union, partial(_of_a_kind, converter, kinds))
+        converter.register_unstructure_hook(union, partial(_with_its_kind, converter, kinds))
     return converter
 
 
@@ -68,6 +86,19 @@ def _number(value: Any, kind: type) -> float:
     if type(value) not in (int, float):
         raise TypeError(f"expected a number, got {value!r}")
     return float(value)
+
+
+def _of_a_kind(converter: cattrs.Converter, kinds: dict[str, type], value: Any, union: Any) -> Any:
+    fields = dict(value) if isinstance(value, dict) else value
+    kind = fields.pop(KIND, next(iter(kinds))) if isinstance(value, dict) else next(iter(kinds))
+    if kind not in kinds:
+        raise ValueError(f"unknown {KIND} {kind!r}, known: {', '.join(kinds)}")
+    return converter.structure(fields, kinds[kind])
+
+
+def _with_its_kind(converter: cattrs.Converter, kinds: dict[str, type], value: Any) -> dict[str, Any]:
+    (kind,) = (name for name, one in kinds.items() if type(value) is one)
+    return {KIND: kind, **converter.unstructure(value)}
 
 
 def _explain(error: BaseException, kind: type | None) -> str:

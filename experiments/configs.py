@@ -2,14 +2,19 @@
 
 import math
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 from tyro.constructors import PrimitiveConstructorSpec
 
-from envs.zones import EPISODE_LENGTH, ZoneConfig
+from envs import waterworld, zones
+from envs.registry import EnvConfig
+from envs.waterworld import WaterWorldConfig
+from envs.zones import ZoneConfig
+from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 
 
@@ -67,9 +72,9 @@ class RunConfig:
 
 @dataclass(frozen=True)
 class Config:
-    """Everything that a training run depends on."""
+    """Everything that a training run depends on. Of ``ppo`` and ``dqn`` one is there, with its kind of networks."""
 
-    env: ZoneConfig = field(default_factory=ZoneConfig)
+    env: EnvConfig = field(default_factory=ZoneConfig)
     """The environment."""
     task: str = "phi_zone"
     """A task by name, or a formula such as 'F(Red & F White)'."""
@@ -77,15 +82,17 @@ class Config:
     """Pad formulas to this many tokens; 0 for as many as the longest one has."""
     simultaneous: float = 0.0
     """Share of training episodes that start at a random sub-task of the formula; evaluation never does."""
-    network: NetworkConfig = field(default_factory=NetworkConfig)
-    """The networks."""
-    ppo: PPOConfig = field(default_factory=PPOConfig)
-    """The learner."""
+    network: NetworkConfig | QNetworkConfig = field(default_factory=NetworkConfig)
+    """The networks: actor and critic for PPO, action values for DQN."""
+    ppo: PPOConfig | None = field(default_factory=PPOConfig)
+    """The learner for continuous actions."""
+    dqn: DQNConfig | None = None
+    """The learner for discrete actions."""
     frames: Count = 10_000_000
     """Environment steps of every seed; rounded up to whole iterations."""
     seeds: str = "1"
     """How many seeds (4 means 0, 1, 2, 3) or which (0,3,7; a single seed 7 is '7,'). All train in one program."""
-    episode_length: Count = EPISODE_LENGTH
+    episode_length: Count = zones.EPISODE_LENGTH
     """Time limit of an episode, in steps."""
     run: RunConfig = field(default_factory=RunConfig)
     """Files and displays."""
@@ -97,6 +104,20 @@ class Config:
             raise ValueError(f"episode_length must be at least 1, got {self.episode_length}")
         if not 0.0 <= self.simultaneous <= 1.0:
             raise ValueError(f"simultaneous is a share of episodes between 0 and 1, got {self.simultaneous}")
+        if (self.ppo is None) == (self.dqn is None):
+            given = "neither" if self.ppo is None else "both"
+            raise ValueError(f"a configuration has one learner, ppo or dqn, and None for the other; got {given}")
+        needed = NetworkConfig if self.dqn is None else QNetworkConfig
+        if not isinstance(self.network, needed):
+            learner = "ppo" if self.dqn is None else "dqn"
+            raise ValueError(f"{learner} needs network={needed.__name__}(...), got a {type(self.network).__name__}")
+
+    @property
+    def learner(self) -> PPOConfig | DQNConfig:
+        """Whichever of the two is there."""
+        learner = self.ppo or self.dqn
+        assert learner is not None  # checked when it was made
+        return learner
 
 
 # Every departure of the published code from the paper's text, and its schedule. Its token padding counts as input.
@@ -132,6 +153,16 @@ _PUBLISHED = Config(
     ),
 )
 
+_WATERWORLD = Config(
+    env=WaterWorldConfig(),
+    task="phi_water",
+    network=QNetworkConfig(),
+    ppo=None,
+    dqn=DQNConfig(),
+    frames=5_000_000,
+    episode_length=waterworld.EPISODE_LENGTH,
+)
+
 CONFIGS: dict[str, tuple[Config, str]] = {
     "zone_ppo": (
         Config(),
@@ -152,6 +183,18 @@ CONFIGS: dict[str, tuple[Config, str]] = {
     "zone_dfa": (
         Config(network=NetworkConfig(task_encoder="one_hot")),
         "the DFA baseline: the state of the task's automaton as a unit vector, all else as in zone_ppo",
+    ),
+    "waterworld_dqn": (
+        _WATERWORLD,
+        "T1TL by double DQN on phi_water in WaterWorld, every sub-task learned from every step; five million frames",
+    ),
+    "waterworld_crm": (
+        replace(_WATERWORLD, network=QNetworkConfig(task_encoder="one_hot")),
+        "the reward-machine baseline (CRM): the automaton's state as a unit vector, all else as in waterworld_dqn",
+    ),
+    "waterworld_dfa": (
+        replace(_WATERWORLD, network=QNetworkConfig(task_encoder="one_hot"), dqn=DQNConfig(simultaneous=False)),
+        "the DFA baseline: as waterworld_crm, but every step teaches only the sub-task that the agent was in",
     ),
 }
 """Configuration and one line about it, by name."""

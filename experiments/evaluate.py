@@ -26,7 +26,7 @@ class Arguments:
     task: str | None = None
     """Another task, by name or as a formula; the run's own by default."""
     physics: Literal["mjx", "closed_form"] | None = None
-    """Other physics than the run's."""
+    """Other physics than the run's, in ZoneEnv."""
     episode_length: int | None = None
     """Another time limit, in steps."""
     gif: bool = False
@@ -84,10 +84,14 @@ def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
 
 
 def _changed(config: Any, arguments: Arguments) -> Any:
+    from envs.zones import ZoneConfig
+
     try:
         if arguments.task is not None:
             config = dataclasses.replace(config, task=arguments.task)
         if arguments.physics is not None:
+            if not isinstance(config.env, ZoneConfig):
+                raise UserError("--physics chooses between those of ZoneEnv; WaterWorld has only one")
             config = dataclasses.replace(config, env=dataclasses.replace(config.env, physics=arguments.physics))
         if arguments.episode_length is not None:
             config = dataclasses.replace(config, episode_length=arguments.episode_length)

@@ -4,10 +4,12 @@ from typing import Any
 
 import jax
 
+from envs.zones import ZoneConfig
 from experiments.build import Experiment
 from experiments.configs import Config
 from experiments.run_folder import RunFolder, read_json, write_json
-from t2tl_jax.evaluation.animation import captions, has_view, record_scene, save_gif
+from experiments.views import view_of
+from t2tl_jax.evaluation.animation import captions, record, save_gif
 from t2tl_jax.evaluation.episodes import evaluate_seeds
 from t2tl_jax.evaluation.report import Report, summarise
 from t2tl_jax.training.seeds import ANIMATION, EVALUATION, parse_seeds, stream_keys
@@ -23,7 +25,7 @@ def settings(config: Config, checkpoint: str, iteration: int, episodes: int) -> 
     """Everything that tells one evaluation of a run from another."""
     return {
         "task": config.task,
-        "physics": config.env.physics,
+        **({"physics": config.env.physics} if isinstance(config.env, ZoneConfig) else {}),
         "checkpoint": checkpoint,
         "iteration": iteration,
         "episodes": episodes,
@@ -48,7 +50,7 @@ def evaluate(experiment: Experiment, config: Config, params: Any, episodes: int)
                 experiment.env, experiment.agent, params, keys, episodes, config.episode_length, deterministic
             ),
             seeds,
-            config.ppo.discount,
+            config.learner.discount,
         )
         for name, deterministic in POLICIES.items()
     }
@@ -71,10 +73,11 @@ def draw_episode(experiment: Experiment, config: Config, params: Any, folder: Ru
         params: with leading axis [seeds].
         folder: of the run.
     """
-    if not has_view(experiment.env):
+    view = view_of(experiment.env)
+    if view is None:
         return False
     key = stream_keys(parse_seeds(config.seeds), ANIMATION)[0]
     first = jax.tree.map(lambda x: x[0], params)
-    scene = record_scene(experiment.env, experiment.agent, first, key, config.episode_length, deterministic=True)
-    save_gif(scene, folder.gif, captions(experiment.row_texts))
+    recording = record(experiment.env, view, experiment.agent, first, key, config.episode_length, deterministic=True)
+    save_gif(recording, view, folder.gif, captions(experiment.row_texts))
     return True

@@ -81,9 +81,14 @@ class PPOConfig:
                 raise ValueError(f"{name} must lie between 0 and 1, got {getattr(self, name)}")
 
     @property
-    def batch_size(self) -> int:
+    def frames_per_iteration(self) -> int:
         """Environment steps in one iteration."""
         return self.num_envs * self.rollout_steps
+
+    @property
+    def batch_size(self) -> int:
+        """Samples of one epoch, which are all steps of the iteration."""
+        return self.frames_per_iteration
 
     @property
     def num_minibatches(self) -> int:
@@ -167,6 +172,8 @@ def make_ppo(
     env: TaskEnv, network_config: NetworkConfig, config: PPOConfig, episode_length: int, iterations: int
 ) -> Agent:
     """The learner for one seed. `iterations` is the length of the run, used only to anneal the learning rate."""
+    if env.num_actions is not None:
+        raise ValueError("this PPO needs continuous actions, and this environment's are discrete; use DQN")
     table = env.table
     network = ActorCritic(network_config, env.action_size)
     apply: Callable[..., Any] = network.apply  # as in ppo_loss
@@ -298,4 +305,4 @@ def make_ppo(
         )
         return new_state, Metrics(episodes=totals, scalars=jax.tree.map(jnp.mean, scalars))
 
-    return Agent(init=init, iterate=iterate, embed=embed, act=act, frames_per_iteration=config.batch_size)
+    return Agent(init=init, iterate=iterate, embed=embed, act=act, frames_per_iteration=config.frames_per_iteration)

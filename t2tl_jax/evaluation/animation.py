@@ -7,24 +7,25 @@ from typing import Any
 
 import jax
 import numpy as np
+from flax import struct
+from jax.typing import ArrayLike
 from PIL import Image, ImageDraw, ImageFont
 
 from t2tl_jax.agents.agent import Agent, Params
 
-ARENA = 2.5
-"""Half the side of the picture, metres; the inner faces of the walls are 0.1 m inside."""
+SIDE = 384
+"""The longer side of the arena between its walls, pixels."""
 
-WALL = 2.4
-ZONE_RADIUS = 0.25
-ROBOT_RADIUS = 0.1
-SCALE = 80
-"""Pixels per metre."""
+WALL = 8
+"""Thickness of the walls, pixels."""
 
-CAPTION = 44
-"""Height of the caption below the arena, pixels."""
+LINE = 18
+"""Height of a line of the caption, pixels."""
+
+TEXT_LINES = 8
+"""Lines of the caption below the one with the step; what does not fit is cut."""
 
 MAX_FRAMES = 150
-SECONDS_PER_STEP = 0.02
 FRAME_MS = 60
 
 FILLS = {
@@ -36,43 +37,93 @@ FILLS = {
     "Yellow": (240, 210, 40),
     "Cyan": (60, 200, 210),
     "Magenta": (200, 60, 180),
+    "Purple": (110, 50, 150),
+    "Orange": (240, 140, 30),
+    "Gray": (140, 140, 140),
+    "Pink": (250, 170, 195),
 }
 
 
-@dataclass(frozen=True)
+@struct.dataclass
 class Scene:
-    """A recorded episode of T steps in an arena with n discs; NumPy arrays."""
+    """What there is to see of one state, in the environment's unit of length; episodes have a leading axis."""
 
-    qpos: np.ndarray
-    """``float32[T + 1, 3]``: x and y in metres, heading in radians, from the first state to the last."""
-    rows: np.ndarray
-    """``int32[T + 1]``: row of the task table."""
-    zones: np.ndarray
-    """``float32[n, 2]``: centres in metres."""
+    discs: jax.Array | np.ndarray
+    """``float32[n, 2]``: centres."""
+    radii: jax.Array | np.ndarray
+    """``float32[n]``: radius of each disc."""
+    agent: jax.Array | np.ndarray
+    """``float32[2]``: centre of the agent."""
+    heading: jax.Array | np.ndarray
+    """``float32[2]``: where the agent looks or moves, at most of length 1; drawn as its nose."""
+
+
+@dataclass(frozen=True)
+class View:
+    """How an environment looks from above: what this module knows about it."""
+
+    scene: Callable[[Any], Scene]
+    """From a pipeline state of the environment to what is drawn; pure."""
+    low: tuple[float, float]
+    """Inner corner of the walls at the bottom left."""
+    high: tuple[float, float]
+    """Inner corner of the walls at the top right."""
     colours: tuple[str, ...]
     """Name of each disc's colour."""
+    agent_radius: float
+    """How large the agent is."""
+    agent_colour: tuple[int, int, int]
+    """How the agent is filled."""
+    seconds_per_step: float
+    """Time between two states."""
+
+    @property
+    def scale(self) -> float:
+        """Pixels per unit of length."""
+        return SIDE / max(self.high[0] - self.low[0], self.high[1] - self.low[1])
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the arena with its walls, pixels."""
+        width, height = (round((self.high[i] - self.low[i]) * self.scale) + 2 * WALL for i in (0, 1))
+        return width, height
+
+    def pixels(self, points: ArrayLike) -> list[tuple[float, float]]:
+        """Positions ``[..., 2]`` to pixels; y points up in the arena and down in the picture."""
+        centres = np.asarray(points, np.float64).reshape(-1, 2)
+        (left, _), (_, top) = self.low, self.high
+        return [(WALL + (x - left) * self.scale, WALL + (top - y) * self.scale) for x, y in centres.tolist()]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recorded episode of T steps; NumPy arrays."""
+
+    scenes: Scene
+    """With leading axis ``[T + 1]``, from the first state to the last."""
+    rows: np.ndarray
+    """``int32[T + 1]``: row of the task table."""
     verdict: int
     """+1 the task was carried out, -1 violated, 0 neither within the time limit."""
 
 
-def has_view(env: Any) -> bool:
-    """Whether an environment is an arena with a robot and discs, which is what can be drawn."""
-    return hasattr(getattr(env, "env", None), "reset_to")
-
-
-def record_scene(
-    env: Any, agent: Agent, params: Params, key: jax.Array, episode_length: int, deterministic: bool
-) -> Scene:
-    """Play one episode and keep where the robot was.
+def record(
+    env: Any, view: View, agent: Agent, params: Params, key: jax.Array, episode_length: int, deterministic: bool
+) -> Recording:
+    """Play one episode and keep what there was to see.
 
     Args:
-        env: a ``TaskEnv`` around a ``ZoneEnv``.
+        env: a ``TaskEnv``.
+        view: of the environment inside.
         agent: offers ``embed`` and ``act``.
         params: of one seed.
         key: a single key.
         episode_length: time limit in steps.
         deterministic: whether to take the mode of the policy.
     """
+
+    def look(state: Any) -> tuple[Scene, jax.Array]:
+        return view.scene(state.pipeline_state.env), env.row(state)
 
     def play(params: Params, key: jax.Array) -> tuple[Any, ...]:
         embedding = agent.embed(params)
@@ -82,101 +133,81 @@ def record_scene(
         def step(state: Any, key: jax.Array) -> tuple[Any, tuple]:
             action = agent.act(params, embedding, state.obs, env.row(state), key, deterministic)
             state = env.step(state, action)
-            return state, (state.pipeline_state.env.qpos, env.row(state), state.reward, state.done)
+            return state, (look(state), state.reward, state.done)
 
         _, steps = jax.lax.scan(step, first, jax.random.split(act_key, episode_length))
-        return first.pipeline_state.env, env.row(first), steps
+        return look(first), steps
 
-    world, row, (qpos, rows, rewards, done) = jax.device_get(jax.jit(play)(params, key))
+    first, (seen, rewards, done) = jax.device_get(jax.jit(play)(params, key))
     ended = np.flatnonzero(done > 0)
     length = int(ended[0]) + 1 if ended.size else episode_length
-    return Scene(
-        qpos=np.concatenate([world.qpos[None], qpos[:length]]),
-        rows=np.concatenate([np.asarray(row)[None], rows[:length]]),
-        zones=np.asarray(world.zones),
-        colours=_disc_colours(env.env, np.asarray(world.zones)),
-        verdict=int(np.sign(rewards[length - 1])) if ended.size else 0,
-    )
+    scenes, rows = jax.tree.map(lambda one, more: np.concatenate([np.asarray(one)[None], more[:length]]), first, seen)
+    return Recording(scenes, rows, int(np.sign(rewards[length - 1])) if ended.size else 0)
 
 
-def save_gif(scene: Scene, target: Path, caption: Callable[[int], str] = lambda row: "") -> None:
-    """Write a scene as a GIF of at most about 150 frames, the last one shown for two seconds.
+def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[int], str] = lambda row: "") -> None:
+    """Write an episode as a GIF of at most about 150 frames, the last one shown for two seconds.
 
     Args:
-        scene: what happened.
+        recording: what happened.
+        view: how to draw it.
         target: the file to write.
-        caption: from a row of the task table to a line of text, for instance the formula that remains.
+        caption: from a row of the task table to a text, for instance the formula that remains; long ones are wrapped.
     """
-    length = len(scene.qpos) - 1
+    length = len(recording.rows) - 1
     stride = max(1, -(-length // MAX_FRAMES))
     shown = [*range(0, length, stride), length]
-    background = _arena(scene)
-    frames = [_frame(background, scene, step, caption(int(scene.rows[step]))) for step in shown]
+    font = ImageFont.load_default(13)
+    width, height = view.size
+    lines = {row: _wrapped(caption(row), font, width - 2 * WALL) for row in {int(recording.rows[i]) for i in shown}}
+    canvas = Image.new("RGB", (width, height + LINE * (1 + max(map(len, lines.values()))) + WALL), (235, 235, 235))
+    frames = []
+    for step in shown:
+        frame = canvas.copy()
+        _draw(ImageDraw.Draw(frame), recording, view, step)
+        seconds = f"step {step}, {step * view.seconds_per_step:.1f} s"
+        outcome = {1: ", done", -1: ", violated", 0: ", out of time"}[recording.verdict] if step == length else ""
+        text = "\n".join([seconds + outcome, *lines[int(recording.rows[step])]])
+        for number, line in enumerate(text.splitlines()):
+            ImageDraw.Draw(frame).text((WALL, height + 4 + LINE * number), line, fill=(0, 0, 0), font=font)
+        frames.append(frame)
     durations = [FRAME_MS] * (len(frames) - 1) + [2000]
     frames[0].save(target, save_all=True, append_images=frames[1:], duration=durations, loop=0, disposal=1)
-
-
-def _disc_colours(env: Any, zones: np.ndarray) -> tuple[str, ...]:
-    """The proposition that holds at the centre of each disc."""
-
-    def labels_at(centre: jax.Array) -> jax.Array:
-        qpos = jax.numpy.append(centre, 0.0)
-        return env.labels(env.reset_to(qpos, jax.numpy.zeros(3), zones))
-
-    labels = np.asarray(jax.jit(jax.vmap(labels_at))(zones))
-    return tuple(env.propositions[int(np.argmax(row))] for row in labels)
-
-
-def _pixels(points: np.ndarray) -> list[tuple[float, float]]:
-    """Metres ``[..., 2]`` to pixels; y points up in the arena and down in the picture."""
-    points = np.asarray(points, np.float64).reshape(-1, 2)
-    return [((x + ARENA) * SCALE, (ARENA - y) * SCALE) for x, y in points.tolist()]
-
-
-def _arena(scene: Scene) -> Image.Image:
-    side = int(2 * ARENA * SCALE)
-    image = Image.new("RGB", (side, side + CAPTION), (235, 235, 235))
-    draw = ImageDraw.Draw(image)
-    (left, top), (right, bottom) = _pixels(np.array([[-WALL, WALL], [WALL, -WALL]]))
-    draw.rectangle((0, 0, side, side), fill=(130, 130, 130))
-    draw.rectangle((left, top, right, bottom), fill=(222, 226, 230))
-    radius = ZONE_RADIUS * SCALE
-    for (x, y), colour in zip(_pixels(scene.zones), scene.colours, strict=True):
-        box = (x - radius, y - radius, x + radius, y + radius)
-        draw.ellipse(box, fill=FILLS.get(colour, (160, 160, 160)), outline=(90, 90, 90))
-    return image
-
-
-def _frame(background: Image.Image, scene: Scene, step: int, text: str) -> Image.Image:
-    image = background.copy()
-    draw = ImageDraw.Draw(image)
-    path = _pixels(scene.qpos[: step + 1, :2])
-    if len(path) > 1:
-        draw.line(path, fill=(30, 90, 200), width=2)
-    x, y, heading = (float(value) for value in scene.qpos[step])
-    radius = ROBOT_RADIUS * SCALE
-    ((px, py),) = _pixels(np.array([[x, y]]))
-    draw.ellipse((px - radius, py - radius, px + radius, py + radius), fill=(30, 90, 200), outline=(255, 255, 255))
-    nose = np.array([x + 1.8 * ROBOT_RADIUS * np.cos(heading), y + 1.8 * ROBOT_RADIUS * np.sin(heading)])
-    draw.line([(px, py), *_pixels(nose)], fill=(255, 255, 255), width=3)
-    last = step == len(scene.qpos) - 1
-    outcome = {1: ", done", -1: ", violated", 0: ", out of time"}[scene.verdict] if last else ""
-    side = int(2 * ARENA * SCALE)
-    font = ImageFont.load_default(13)
-    draw.text((8, side + 5), f"step {step}, {step * SECONDS_PER_STEP:.1f} s{outcome}", fill=(0, 0, 0), font=font)
-    draw.text((8, side + 23), _fitted(text, font, side - 16), fill=(0, 0, 0), font=font)
-    return image
-
-
-def _fitted(text: str, font: Any, width: int) -> str:
-    """The text, cut so that it is not wider than the picture."""
-    if font.getlength(text) <= width:
-        return text
-    while text and font.getlength(text + " ...") > width:
-        text = text[:-1]
-    return text + " ..."
 
 
 def captions(texts: Sequence[str]) -> Callable[[int], str]:
     """A caption per row from a sequence of texts."""
     return lambda row: f"left to do: {texts[row]}" if row < len(texts) else ""
+
+
+def _draw(draw: ImageDraw.ImageDraw, recording: Recording, view: View, step: int) -> None:
+    """The arena at one step: walls, discs, the way so far, the agent."""
+    width, height = view.size
+    draw.rectangle((0, 0, width - 1, height - 1), fill=(130, 130, 130))
+    draw.rectangle((WALL, WALL, width - WALL - 1, height - WALL - 1), fill=(222, 226, 230))
+    scenes = recording.scenes
+    radii = scenes.radii[step] * view.scale
+    for (x, y), radius, colour in zip(view.pixels(scenes.discs[step]), radii.tolist(), view.colours, strict=True):
+        fill = FILLS.get(colour, (160, 160, 160))
+        draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=fill, outline=(90, 90, 90))
+    way = view.pixels(scenes.agent[: step + 1])
+    if len(way) > 1:
+        draw.line(way, fill=(30, 90, 200), width=2)
+    x, y = way[-1]
+    radius = view.agent_radius * view.scale
+    draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=view.agent_colour, outline=(20, 20, 20))
+    nose = scenes.agent[step] + 1.8 * view.agent_radius * scenes.heading[step]
+    draw.line([(x, y), *view.pixels(nose)], fill=(20, 20, 20), width=3)
+
+
+def _wrapped(text: str, font: Any, width: int) -> list[str]:
+    """The text in lines that are not wider than the picture, at most ``TEXT_LINES`` of them."""
+    lines: list[str] = []
+    for word in text.split():
+        if lines and font.getlength(f"{lines[-1]} {word}") <= width:
+            lines[-1] += " " + word
+        else:
+            lines.append(word)
+    if len(lines) > TEXT_LINES:
+        lines = [*lines[: TEXT_LINES - 1], lines[TEXT_LINES - 1] + " ..."]
+    return lines
