@@ -1,0 +1,151 @@
+"""Where episodes start: numbered maps, the pool, maps drawn in JAX, and sizes that differ within a batch."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from envs.registry import make
+from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
+from tests.envs.waterworld_reference import published_map
+
+MANY = 512
+
+
+def starts_of(env, count=MANY, params=None):
+    return jax.jit(jax.vmap(env.reset, in_axes=(0, None)))(jax.random.split(jax.random.key(0), count), params)
+
+
+@pytest.mark.parametrize(("number", "agent"), [(0, (342.43608506, 310.44312909)), (1, (79.71477032, 343.55048267))])
+def test_agents_of_published_maps(number, agent):
+    state = make(f"Water-M{number}-v0").reset(jax.random.key(0)).pipeline_state
+    np.testing.assert_allclose(state.agent_position, agent, rtol=1e-7)
+    np.testing.assert_array_equal(state.agent_velocity, 0)
+
+
+@pytest.mark.parametrize("colours", [LETTERS, WaterWorldConfig().colours, ("Red",)])
+@pytest.mark.parametrize("number", [0, 7, 123])
+def test_numbered_maps_follow_the_rule_of_the_original(colours, number):
+    agent, balls, velocities = published_map(number, 2 * len(colours))
+    env = WaterWorld(WaterWorldConfig(colours=colours, map_number=number))
+    for key in (0, 1):  # every episode starts the same
+        state = env.reset(jax.random.key(key)).pipeline_state
+        np.testing.assert_allclose(state.agent_position, agent, rtol=1e-7)
+        np.testing.assert_allclose(state.ball_positions, balls, rtol=1e-7)
+        np.testing.assert_allclose(state.ball_velocities, velocities, atol=3e-6)
+
+
+def test_pool_holds_numbered_maps():
+    env = WaterWorld(WaterWorldConfig(layout="random", pool_size=3))
+    agents = np.unique(starts_of(env).pipeline_state.agent_position, axis=0)
+    expected = np.array([published_map(number, 16)[0] for number in range(3)])
+    np.testing.assert_allclose(agents, expected[np.argsort(expected[:, 0])], rtol=1e-7)
+
+
+@pytest.mark.parametrize("pool_size", [256, 0])
+@pytest.mark.parametrize("large", [15.0, 37.5])
+def test_random_starts_keep_their_distances(pool_size, large):
+    radii = (15.0,) * 5 + (large,) * 3
+    env = WaterWorld(WaterWorldConfig(layout="random", pool_size=pool_size, radii=radii))
+    state = starts_of(env).pipeline_state
+    size = np.repeat(radii, 2)
+    balls = np.asarray(state.ball_positions, np.float64)
+    first, second = np.triu_indices(16, 1)
+    between = np.linalg.norm(balls[:, first] - balls[:, second], axis=-1)
+    assert (between >= size[first] + size[second] - 1e-3).all()
+    to_agent = np.linalg.norm(balls - state.agent_position[:, None], axis=-1)
+    assert (to_agent > 2 * (size + 15) - 1e-3).all()
+    assert (balls >= 2 * size[:, None]).all() and (balls <= 400).all() and (balls > 385).any()
+    np.testing.assert_allclose(np.linalg.norm(state.ball_velocities, axis=-1), 30, rtol=1e-5)
+    assert not state.contact.any() and not state.agent_velocity.any()
+
+
+def test_drawn_maps_are_distributed_like_numbered_ones():
+    """Means and spreads over many maps, for the first and the last ball, which the earlier ones push around."""
+    drawn = starts_of(WaterWorld(WaterWorldConfig(layout="random", pool_size=0)), 4096).pipeline_state
+    maps = [published_map(number, 16) for number in range(1000)]
+    for ours, theirs in (
+        (drawn.agent_position, [m[0] for m in maps]),
+        (drawn.ball_positions[:, 0], [m[1][0] for m in maps]),
+        (drawn.ball_positions[:, 15], [m[1][15] for m in maps]),
+        (drawn.ball_velocities[:, 3], [m[2][3] for m in maps]),
+    ):
+        ours, theirs = np.asarray(ours), np.array(theirs)
+        error = theirs.std(axis=0) * np.sqrt(1 / len(ours) + 1 / len(theirs))
+        assert (np.abs(ours.mean(axis=0) - theirs.mean(axis=0)) < 4 * error).all()
+        np.testing.assert_allclose(ours.std(axis=0), theirs.std(axis=0), rtol=0.08)
+
+
+def test_parameters_can_differ_within_a_batch():
+    """Radius, speeds and arena of each environment its own; each equals an environment built with these numbers."""
+    radii = jnp.array([15.0, 22.5, 37.5])
+    base = WaterWorld(WaterWorldConfig(layout="random", pool_size=0))
+    batch = jax.vmap(
+        lambda radius: dataclasses.replace(
+            base.params,
+            ball_radius=base.params.ball_radius.at[5:].set(radius),
+            ball_speed=radius,
+            velocity_limit=4 * radius,
+            arena=jnp.array([400.0, 500.0]) + radius,
+        )
+    )(radii)
+    keys = jax.random.split(jax.random.key(3), 3)
+    actions = jax.random.randint(jax.random.key(4), (40, 3), 0, 5)
+
+    def rollout(states, actions):
+        return jax.lax.scan(lambda s, a: (jax.vmap(base.step)(s, a), None), states, actions)[0]
+
+    together = rollout(jax.vmap(base.reset)(keys, batch), actions)
+    for i, radius in enumerate(np.asarray(radii).tolist()):
+        config = dataclasses.replace(
+            base.config,
+            radii=(15.0,) * 5 + (radius,) * 3,
+            ball_speed=radius,
+            velocity_limit=4 * radius,
+            arena=(400.0 + radius, 500.0 + radius),
+        )
+        env = WaterWorld(config)
+        state = env.reset(keys[i])
+        for action in actions[:, i]:
+            state = jax.jit(env.step)(state, action)
+        np.testing.assert_allclose(together.obs[i], state.obs, atol=2e-5)
+        np.testing.assert_array_equal(together.pipeline_state.contact[i], state.pipeline_state.contact)
+
+
+def test_an_environment_can_be_built_from_traced_parameters():
+    """The other way round: the whole program under vmap, the parameters closed over, as a training would do it."""
+    config = WaterWorldConfig()
+
+    def first_observation(speed):
+        params = dataclasses.replace(WaterWorld(config).params, ball_speed=speed)
+        env = WaterWorld(config, params)
+        return env.step(env.reset(jax.random.key(0)), 0).pipeline_state.ball_velocities
+
+    velocities = jax.vmap(first_observation)(jnp.array([10.0, 60.0]))
+    np.testing.assert_allclose(jnp.linalg.norm(velocities, axis=-1), [[10.0] * 16, [60.0] * 16], rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"layout": "map"}, "layout is 'map'"),
+        ({"events": "contact"}, "must be 'onset' or 'level'"),
+        ({"delay": 2}, "delay is 2"),
+        ({"colours": ()}, "one or more different names"),
+        ({"colours": ("Red", "Red")}, "one or more different names"),
+        ({"balls_per_colour": 0}, "at least one ball"),
+        ({"pool_size": -1}, "0 \\(no pool\\) or more"),
+        ({"radii": (15.0,)}, "radii has 1 entries for 8 colours"),
+        ({"time_step": 0.0}, "must be positive"),
+        ({"ball_speed": -1.0}, "must not be negative"),
+        ({"velocity_limit": 0.0}, "velocity_limit is 0"),
+        ({"agent_radius": 300.0}, "does not fit"),
+        ({"balls_per_colour": 40}, "320 balls with radii 15 to 15 cannot be placed"),
+    ],
+)
+def test_errors_say_what_is_wrong(changes, message, monkeypatch):
+    monkeypatch.setattr("envs.waterworld_maps.RESTARTS", 1)
+    with pytest.raises(ValueError, match=message):
+        WaterWorld(WaterWorldConfig(**changes))
