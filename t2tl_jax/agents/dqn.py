@@ -5,7 +5,8 @@ transition of every row (equation 3 of the paper; with one-hot rows it is CRM of
 `make_dqn` from top to bottom: act, store, sample, update.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -121,8 +122,7 @@ def targets(
 
     online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; letter int32[B]; cut bool[B].
     """
-    next_row = table.next_row[:, letter].T  # [B, rows]
-    reward = table.reward(next_row)
+    next_row, reward = (x.T for x in table.step_all(letter))  # [B, rows]
     at_next = partial(jnp.take_along_axis, indices=next_row[..., None], axis=1)  # [B, rows, A], row u reads row u'
     chooser = online if config.double else target
     action = (chooser if config.printed_argmax else at_next(chooser)).argmax(axis=-1)
@@ -137,17 +137,16 @@ def dqn_loss(
     config: DQNConfig, network: QNetwork, table: TaskTable, params: Params, target_params: Params, batch: Transition
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
     """Huber loss of the TD errors, averaged over transitions and over the rows that learn."""
-    embedding = network.apply(params, table, method="embed")
-    q = network.apply(params, batch.obs, embedding, method="every_row")  # [B, rows, A]
+    apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
+    embedding = apply(params, table, method="embed")
+    # s and s' go through the online network together: half as many kernels, and these batches are bound by latency.
+    both = apply(params, jnp.concatenate([batch.obs, batch.next_obs]), embedding, method="every_row")
+    q, online = jnp.split(both, 2)  # [B, rows, A]
     taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows]
-
-    online = network.apply(params, batch.next_obs, embedding, method="every_row")
-    target_embedding = network.apply(target_params, table, method="embed")
-    target = network.apply(target_params, batch.next_obs, target_embedding, method="every_row")
+    target = apply(target_params, batch.next_obs, apply(target_params, table, method="embed"), method="every_row")
     goal = jax.lax.stop_gradient(targets(config, table, online, target, batch.letter, batch.cut))
 
-    is_open = table.verdict == 0
-    learns = is_open[None, :] & (config.simultaneous | (jnp.arange(table.num_rows) == batch.row[:, None]))
+    learns = table.is_open[None, :] & (config.simultaneous | (jnp.arange(table.num_rows) == batch.row[:, None]))
     error = taken - goal
     loss = jnp.mean(optax.losses.huber_loss(error), where=learns)
     return loss, {"loss": loss, "q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}
@@ -161,6 +160,7 @@ def make_dqn(
         raise ValueError("DQN needs discrete actions, and this environment's are continuous; use PPO")
     table, num_actions = env.table, env.num_actions
     network = QNetwork(network_config, num_actions)
+    apply: Callable[..., Any] = network.apply  # as in dqn_loss
     optimizer = optax.chain(optax.clip_by_global_norm(config.max_gradient_norm), optax.adam(config.learning_rate))
     replay = flashbax.make_item_buffer(
         config.buffer_size, min_length=1, sample_batch_size=config.batch_size, add_batches=True
@@ -168,12 +168,12 @@ def make_dqn(
     total_steps = iterations * config.steps_per_iteration
 
     def embed(params: Params) -> jax.Array:
-        return network.apply(params, table, method="embed")
+        return apply(params, table, method="embed")
 
     def choose(
         params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, share: jax.Array | float
     ) -> jax.Array:
-        greedy = network.apply(params, obs, embedding[row]).argmax(axis=-1).astype(jnp.int32)
+        greedy = apply(params, obs, embedding[row]).argmax(axis=-1).astype(jnp.int32)
         which_key, action_key = jax.random.split(key)
         random = jax.random.randint(action_key, greedy.shape, 0, num_actions)
         return jnp.where(jax.random.uniform(which_key, greedy.shape) < share, random, greedy)
@@ -214,7 +214,7 @@ def make_dqn(
             env, state.episodes, action, jax.random.split(reset_key, config.num_envs), episode_length, config.discount
         )
         stored = Transition(obs, action, outcome.next_obs, row, outcome.letter, outcome.truncated)
-        return state.replace(episodes=episodes, buffer=replay.add(state.buffer, stored)), outcome.totals
+        return replace(state, episodes=episodes, buffer=replay.add(state.buffer, stored)), outcome.totals
 
     def update(state: DQNState, count: jax.Array, key: jax.Array) -> tuple[DQNState, dict[str, jax.Array]]:
         """One gradient step on a sampled batch; `count` is its number, from which the target's copies are timed."""
@@ -224,7 +224,7 @@ def make_dqn(
         updates, opt_state = optimizer.update(gradient, state.opt_state, state.params)
         params = optax.apply_updates(state.params, updates)
         target_params = optax.periodic_update(params, state.target_params, count, config.target_period)
-        return state.replace(params=params, target_params=target_params, opt_state=opt_state), scalars
+        return replace(state, params=params, target_params=target_params, opt_state=opt_state), scalars
 
     def iterate(state: DQNState) -> tuple[DQNState, Metrics]:
         key, scan_key = jax.random.split(state.key)
@@ -243,7 +243,8 @@ def make_dqn(
                 learned, scalars = update(learned, step * config.updates_per_step + i, update_key)
             ready = (step + 1) * config.num_envs > config.learning_starts
             keep = partial(jax.tree.map, partial(jnp.where, ready))
-            after = acted.replace(
+            after = replace(
+                acted,
                 params=keep(learned.params, acted.params),
                 target_params=keep(learned.target_params, acted.target_params),
                 opt_state=keep(learned.opt_state, acted.opt_state),
@@ -263,7 +264,8 @@ def make_dqn(
         enough = totals.episodes >= MINIMUM_SCORED_EPISODES
         score = jnp.where(enough, totals.discounted_return / jnp.maximum(totals.episodes, 1), -jnp.inf)
         better = score > state.best_score
-        return state.replace(
+        return replace(
+            state,
             key=key,
             iteration=state.iteration + 1,
             best_params=jax.tree.map(partial(jnp.where, better), params_before, state.best_params),

@@ -34,18 +34,22 @@ class TransformerTaskEncoder(nn.Module):
 
 
 class OneHotTaskEncoder(nn.Module):
-    """The state of the minimal automaton as a unit vector (the DFA and reward-machine baselines); no parameters."""
+    """The state of the automaton as a unit vector (the DFA and reward-machine baselines); no parameters.
+
+    Rows 0 and 1, true and false, have no state left to tell: they are all zeros, as in the published one-hot codes.
+    """
 
     size: int
 
     def __call__(self, table: TaskTable) -> jax.Array:
-        """float32[rows, size]; row k is the k-th unit vector."""
-        if table.num_rows > self.size:
+        """float32[rows, size]; row 2 + k is the k-th unit vector."""
+        states = table.num_rows - 2
+        if states > self.size:
             raise ValueError(
-                f"a one-hot code of size {self.size} cannot tell {table.num_rows} rows apart; "
-                f"set network.one_hot_size to {table.num_rows} or more"
+                f"a one-hot code of size {self.size} cannot tell {states} states apart; "
+                f"set network.one_hot_size to {states} or more"
             )
-        return jnp.eye(table.num_rows, self.size)
+        return jnp.eye(table.num_rows, self.size, k=-2)
 
 
 class EncoderChoice(Protocol):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from t2tl_jax.agents.dqn import DQNConfig, Transition, dqn_loss, epsilon, make_dqn, targets
-from t2tl_jax.ltl import compile_tasks, progress
+from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines, progress
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
@@ -183,3 +183,24 @@ def test_iterations_compile_once(env):
 def test_impossible_settings_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(DQN, **changes)
+
+
+def test_reward_machine_targets_pay_by_transition():
+    """The published t10 pays 1 for any touch in its last state, which ends it: success or not."""
+    machines = named_machines("rm_t10_published")
+    propositions = tuple("abcdef")
+    table = compile_reward_machines(machines, propositions, "every_subset")
+    rng = np.random.default_rng(1)
+    labels = [set(), {"d"}, {"e"}, {"f"}, {"a"}, {"d", "e"}]
+    letter = np.array([int(table.letter(jnp.array([p in label for p in propositions]))) for label in labels])
+    online, target = rng.normal(size=(2, len(labels), table.num_rows, 5)).astype(np.float32)
+    fast = targets(DQN, table, online, target, letter, np.zeros(len(labels), bool))
+    machine = machines[0]
+    row_of = {state: 2 + k for k, state in enumerate(machine.states)}
+    for b, label in enumerate(labels):
+        for state, row in row_of.items():
+            after, reward = machine.step(state, label)
+            value = 0.0 if after not in row_of else target[b, row_of[after], online[b, row_of[after]].argmax()]
+            assert fast[b, row] == pytest.approx(reward + DQN.discount * value, abs=1e-5), (label, state)
+    last = row_of[machine.states[-1]]
+    assert fast[3, last] == fast[4, last] == 1.0

@@ -16,7 +16,7 @@ MAY_IMPORT = {
     "t2tl_jax.networks": {"t2tl_jax.ltl"},
     "t2tl_jax.agents.agent": set(),
     "t2tl_jax.training": {"t2tl_jax.agents.agent", "t2tl_jax.task_env"},
-    "t2tl_jax.agents": {"t2tl_jax.agents.agent", "t2tl_jax.networks", "t2tl_jax.task_env", "t2tl_jax.training"},
+    "t2tl_jax.agents": {"t2tl_jax.ltl", "t2tl_jax.networks", "t2tl_jax.task_env", "t2tl_jax.training"},
     "t2tl_jax.evaluation": {"t2tl_jax.agents.agent", "t2tl_jax.training"},
     "experiments": {"t2tl_jax", "envs"},
 }
