@@ -9,7 +9,7 @@ from experiments.errors import UserError
 from t2tl_jax.agents.agent import Agent
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.ppo import make_ppo
-from t2tl_jax.ltl import TaskTable, compile_tasks, resolve_task
+from t2tl_jax.ltl import TaskTable, compile_named
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
@@ -40,7 +40,7 @@ def build(config: Config) -> Experiment:
         table = make_table(config, env)
         iterations = -(-config.frames // config.learner.frames_per_iteration)
         agent = _make_agent(config, TaskEnv(env, table, config.simultaneous), iterations)
-        texts = tuple(str(table.formula(row)) for row in range(table.num_rows))
+        texts = tuple(table.text(row) for row in range(table.num_rows))
         return Experiment(TaskEnv(env, table), agent, iterations, texts)
     except ValueError as error:
         raise UserError(str(error)) from error
@@ -52,8 +52,7 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     Raises:
         ValueError: for an unknown task, a formula with mistakes, or one of other propositions.
     """
-    formula = resolve_task(config.task)
-    return compile_tasks([formula], env.propositions, env.alphabet, length=config.task_length or None)
+    return compile_named(config.task, env.propositions, env.alphabet, length=config.task_length or None)
 
 
 def _make_agent(config: Config, env: TaskEnv, iterations: int) -> Agent:

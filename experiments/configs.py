@@ -77,7 +77,7 @@ class Config:
     env: EnvConfig = field(default_factory=ZoneConfig)
     """The environment."""
     task: str = "phi_zone"
-    """A task by name, or a formula such as 'F(Red & F White)'."""
+    """A formula such as 'F(Red & F White)', a task by name, or a reward machine by name or file (needs one_hot)."""
     task_length: int = 0
     """Pad formulas to this many tokens; 0 for as many as the longest one has."""
     simultaneous: float = 0.0

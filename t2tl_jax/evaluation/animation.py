@@ -159,7 +159,7 @@ def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[
     shown = [*range(0, length, stride), length]
     font = ImageFont.load_default(13)
     width, height = view.size
-    lines = {row: _wrapped(caption(row), font, width - 2 * WALL) for row in {int(recording.rows[i]) for i in shown}}
+    lines = {row: wrapped(caption(row), font, width - 2 * WALL) for row in {int(recording.rows[i]) for i in shown}}
     canvas = Image.new("RGB", (width, height + LINE * (1 + max(map(len, lines.values()))) + WALL), (235, 235, 235))
     frames = []
     for step in shown:
@@ -200,14 +200,17 @@ def _draw(draw: ImageDraw.ImageDraw, recording: Recording, view: View, step: int
     draw.line([(x, y), *view.pixels(nose)], fill=(20, 20, 20), width=3)
 
 
-def _wrapped(text: str, font: Any, width: int) -> list[str]:
-    """The text in lines that are not wider than the picture, at most ``TEXT_LINES`` of them."""
+def wrapped(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: int) -> list[str]:
+    """The text in lines that are not wider than `width` pixels, at most ``TEXT_LINES`` of them."""
     lines: list[str] = []
     for word in text.split():
         if lines and font.getlength(f"{lines[-1]} {word}") <= width:
             lines[-1] += " " + word
         else:
             lines.append(word)
-    if len(lines) > TEXT_LINES:
-        lines = [*lines[: TEXT_LINES - 1], lines[TEXT_LINES - 1] + " ..."]
-    return lines
+    if len(lines) <= TEXT_LINES:
+        return lines
+    last = lines[TEXT_LINES - 1]
+    while font.getlength(last + " ...") > width:
+        last = last[:-1]
+    return [*lines[: TEXT_LINES - 1], last + " ..."]

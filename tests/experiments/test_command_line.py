@@ -7,9 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from envs.waterworld import WaterWorldConfig
+from envs.zones import ZoneConfig
 from experiments import command_line, config_files, run
 from experiments.configs import CONFIGS, Config
 from experiments.errors import UserError
+from t2tl_jax.agents.dqn import DQNConfig
+from t2tl_jax.networks.q_network import QNetworkConfig
 
 
 @pytest.mark.parametrize("name", CONFIGS)
@@ -42,12 +46,44 @@ def test_overrides_of_any_depth():
     assert config.ppo.clip == Config().ppo.clip
 
 
+def test_overrides_of_the_other_learner_and_environment():
+    flags = ["--dqn.learning-rate", "1e-4", "--dqn.simultaneous", "False", "--env.layout", "random"]
+    config = command_line.override(CONFIGS["waterworld_dqn"][0], [*flags, "--network.state-layers", "32"])
+    assert config.dqn == DQNConfig(learning_rate=1e-4, simultaneous=False) and config.ppo is None
+    assert config.env == WaterWorldConfig(layout="random")
+    assert config.network == QNetworkConfig(state_layers=(32,))
+    assert config_files.from_json(config_files.to_json(config), "test") == config
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"dqn": DQNConfig()}, "got both"),
+        ({"ppo": None}, "got neither"),
+        ({"network": QNetworkConfig()}, "ppo needs network=NetworkConfig"),
+        ({"ppo": None, "dqn": DQNConfig()}, "dqn needs network=QNetworkConfig"),
+    ],
+)
+def test_one_learner_with_its_networks(changes, said):
+    with pytest.raises(ValueError, match=said):
+        dataclasses.replace(Config(), **changes)
+
+
+def test_files_from_before_there_were_several_kinds():
+    config = config_files.load(Path(__file__).parents[2] / "results" / "zone_ppo_h200" / "config.json")
+    assert config.env == ZoneConfig() and config.ppo == Config().ppo and config.dqn is None
+
+
 @pytest.mark.parametrize(
     ("flags", "said"),
     [
         (["--config", "zone_pp"], "did you mean 'zone_ppo'"),
         (["--config", "zone_ppo", "--ppo.learnin-rate", "1"], "--ppo.learning-rate"),
         (["--config", "zone_ppo", "--env.physics", "mj"], "Did you mean 'mjx'"),
+        (["--config", "zone_ppo", "--dqn.learning-rate", "1"], "Perhaps you meant: --ppo.learning-rate"),
+        (["--config", "waterworld_dqn", "--ppo.learning-rate", "1"], "Perhaps you meant: --dqn.learning-rate"),
+        (["--config", "waterworld_dqn", "--env.physics", "mjx"], "Unrecognized options: --env.physics"),
+        (["--config", "waterworld_dqn", "--dqn.buffer-size", "1"], "buffer_size must hold"),
         (["--config", "zone_ppo", "--frames", "2.5"], "whole number"),
         (["--config", "zone_ppo", "--frames", "0"], "at least 1"),
         (["--config", "zone_ppo", "--seeds", "a"], "seeds are a count"),
@@ -77,9 +113,11 @@ def test_unknown_tasks_are_refused_with_the_nearest(capsys, tmp_path):
     assert not (tmp_path / "runs").exists()
 
 
-def test_help_documents_every_field(capsys):
+@pytest.mark.parametrize(("name", "absent"), [("zone_ppo", "--dqn"), ("waterworld_dqn", "--ppo")])
+def test_help_documents_every_field(name, absent, capsys):
+    chosen = CONFIGS[name][0]
     with pytest.raises(SystemExit) as stop:
-        command_line.override(Config(), ["--help"])
+        command_line.override(chosen, ["--help"])
     assert stop.value.code == 0
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "--resume RUN" in text
@@ -90,10 +128,11 @@ def test_help_documents_every_field(capsys):
             name = prefix + field.name.replace("_", "-")
             if dataclasses.is_dataclass(value):
                 check(value, name + ".")
-            else:
+            elif value is not None:
                 assert name in text, name
 
-    check(Config())
+    check(chosen)
+    assert absent not in text.replace("--ppo.learning-rate 1e-4 --frames", "")
 
 
 def test_list_names_every_config(capsys):
@@ -111,6 +150,11 @@ def test_list_names_every_config(capsys):
         (lambda data: data["run"].update(gif="False"), "expected bool"),
         (lambda data: data["ppo"].update(discount=2.0), "discount must lie"),
         (lambda data: data["env"].update(physics="mj"), "physics"),
+        (lambda data: data["env"].update(pool=3), "config.env: unknown field 'pool', nearest known 'pool_size'"),
+        (lambda data: data["env"].update(kind="water"), "unknown kind 'water', known: zones, waterworld"),
+        (lambda data: data["env"].update(kind="waterworld"), "config.env: unknown field"),
+        (lambda data: data.update(env=None), "config.env"),
+        (lambda data: data.update(dqn={}), "got both"),
     ],
 )
 def test_files_of_other_versions_are_refused(change, said):

@@ -1,4 +1,4 @@
-"""The command line with the real environment and learner, at reduced size."""
+"""The command line with the real environments and learners, at reduced size."""
 
 import dataclasses
 
@@ -6,29 +6,47 @@ import jax
 import numpy as np
 import pytest
 
-from experiments import evaluate, run
+from experiments import compare, evaluate, run, run_folder
 from experiments.build import build
 from experiments.configs import CONFIGS
+from experiments.errors import UserError
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.training.checkpoints import Checkpoints
 from t2tl_jax.training.program import trace
+from t2tl_jax.training.seeds import place
 
 pytestmark = pytest.mark.slow
 
-SMALL = (
-    *("--ppo.num-envs", "8", "--ppo.rollout-steps", "32", "--ppo.minibatch-size", "128", "--ppo.epochs", "2"),
-    *("--network.transformer.layers", "1", "--episode-length", "40", "--run.progress", "False"),
-    # Correlated noise fades with the share of the run that is done, so a run that is made longer would have had other.
-    *("--ppo.noise-time", "0"),
-)
+SMALL = ("--network.transformer.layers", "1", "--episode-length", "40", "--run.progress", "False")
+# Schedules over the length of the run are off: a run that is made longer would have had others.
+SMALL_LEARNER = {
+    "zone_ppo_closed_form": (
+        *("--ppo.num-envs", "8", "--ppo.rollout-steps", "32", "--ppo.minibatch-size", "128", "--ppo.epochs", "2"),
+        *("--ppo.noise-time", "0"),
+    ),
+    "waterworld_dqn": (
+        *("--dqn.num-envs", "8", "--dqn.steps-per-iteration", "32", "--dqn.batch-size", "16"),
+        *("--dqn.buffer-size", "512", "--dqn.learning-starts", "64", "--dqn.epsilon-start", "0.02"),
+        *("--network.state-layers", "16", "--network.task-layer", "16"),
+    ),
+}
+OTHER_TASK = {
+    "zone_ppo_closed_form": ("--task", "F(Red & F White)", "--physics", "mjx"),
+    "waterworld_dqn": ("--task", "F(Yellow & F Purple)"),
+}
 
 
 def reduced(name: str):
     config = CONFIGS[name][0]
-    ppo = dataclasses.replace(config.ppo, num_envs=4, rollout_steps=8, minibatch_size=16, epochs=1)
     transformer: TransformerConfig = dataclasses.replace(config.network.transformer, layers=1)
     network = dataclasses.replace(config.network, transformer=transformer)
     env = dataclasses.replace(config.env, pool_size=8)
-    return dataclasses.replace(config, ppo=ppo, network=network, env=env, frames=32, episode_length=10)
+    config = dataclasses.replace(config, network=network, env=env, frames=64, episode_length=10)
+    if config.dqn is not None:
+        sizes = {"num_envs": 4, "steps_per_iteration": 8, "batch_size": 16, "buffer_size": 48, "learning_starts": 8}
+        return dataclasses.replace(config, dqn=dataclasses.replace(config.dqn, **sizes))
+    sizes = {"num_envs": 4, "rollout_steps": 8, "minibatch_size": 16, "epochs": 1}
+    return dataclasses.replace(config, ppo=dataclasses.replace(config.ppo, **sizes))
 
 
 def iterate_once(config, seeds):
@@ -56,18 +74,60 @@ def test_vmapped_seeds_equal_single_seeds():
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a[1], b[0], rtol=0, atol=1e-6), many.params, single.params)
 
 
-def test_train_resume_evaluate_draw(tmp_path):
-    def train(name: str, frames: str):
-        flags = ["--config", "zone_ppo_closed_form", "--run.folder", str(tmp_path / name), "--frames", frames, *SMALL]
-        flags += ["--seeds", "2", "--run.compilation-cache", str(tmp_path / "xla"), "--run.evaluation-episodes", "4"]
-        assert run.main(flags) == 0
-        (folder,) = (tmp_path / name / "zone_ppo_closed_form").iterdir()
-        return folder
+def bits(state):
+    """Every array of a training state on the host, keys as their data."""
+
+    def plain(x):
+        x = jax.random.key_data(x) if jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key) else x
+        return np.array(x, copy=True)
+
+    return jax.tree.map(plain, state)
+
+
+@pytest.mark.parametrize("name", ["zone_ppo_closed_form", "waterworld_dqn"])
+def test_a_checkpoint_holds_everything(name, tmp_path):
+    """Also the replay buffer, which the second iteration of DQN wraps around, and the schedules."""
+    program = trace(build(reduced(name)).agent, (0, 1))
+    iterate = program.lowered_iterate.compile()
+    state, _ = iterate(program.lowered_init.compile()(program.keys))
+    with Checkpoints(tmp_path) as checkpoints:
+        checkpoints.save(1, state, {})
+        straight, metrics = iterate(state)
+        iteration, restored = checkpoints.restore(program.state)
+    resumed, same_metrics = iterate(place(restored, program.sharding))
+    assert iteration == 1
+    jax.tree.map(np.testing.assert_array_equal, bits(straight), bits(resumed))
+    jax.tree.map(np.testing.assert_array_equal, metrics, same_metrics)
+
+
+@pytest.mark.parametrize("name", SMALL_LEARNER)
+def test_train_resume_evaluate_draw(name, tmp_path):
+    def train(folder: str, frames: str):
+        flags = ["--config", name, "--run.folder", str(tmp_path / folder), "--frames", frames, *SMALL]
+        flags += [*SMALL_LEARNER[name], "--seeds", "2", "--run.evaluation-episodes", "4"]
+        assert run.main([*flags, "--run.compilation-cache", str(tmp_path / "xla")]) == 0
+        (made,) = (tmp_path / folder / name).iterdir()
+        return made
 
     long, short = train("long", "1536"), train("short", "768")
     assert (short / "episode.gif").exists()
     assert run.main(["--resume", str(short), "--frames", "1536"]) == 0
     assert (long / "metrics.csv").read_bytes() == (short / "metrics.csv").read_bytes()
     assert (long / "evaluation.json").read_text() != ""
-    flags = ["--episodes", "4", "--task", "F(Red & F White)", "--checkpoint", "latest", "--physics", "mjx"]
-    assert evaluate.main([str(short), *flags]) == 0
+    assert evaluate.main([str(short), "--episodes", "4", "--checkpoint", "latest", *OTHER_TASK[name]]) == 0
+    assert compare.main([str(long), str(short)]) == 0
+
+
+def test_only_zones_have_a_choice_of_physics(tmp_path, capsys):
+    folder = run_folder.create(tmp_path, "waterworld_dqn", CONFIGS["waterworld_dqn"][0], {})
+    assert evaluate.main([str(folder.path), "--physics", "mjx"]) == 2
+    assert "WaterWorld has only one" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("learner", ["ppo", "dqn"])
+def test_learners_refuse_the_other_kind_of_actions(learner):
+    zone, water = CONFIGS["zone_ppo"][0], CONFIGS["waterworld_dqn"][0]
+    wrong = dataclasses.replace(zone if learner == "ppo" else water, env=(water if learner == "ppo" else zone).env)
+    task = CONFIGS["waterworld_dqn" if learner == "ppo" else "zone_ppo"][0].task
+    with pytest.raises(UserError, match="actions"):
+        build(dataclasses.replace(wrong, task=task))
