@@ -28,6 +28,7 @@ DESCRIPTION = """Train an agent on a temporal-logic task.
 Examples:
   python -m experiments.run --config zone_ppo --seeds 4
   python -m experiments.run --config zone_ppo --ppo.learning-rate 1e-4 --frames 2e5 --task 'F(Red & F White)'
+  python -m experiments.run --config waterworld_dqn --dqn.batch-size 256 --env.layout random
   python -m experiments.run --resume runs/zone_ppo/2026-01-31_12-00-00
 
 The defaults shown are those of the chosen configuration."""

@@ -82,6 +82,10 @@ class TaskEnv(Env):
         """The table row of the formula that is left: int32 scalar."""
         return state.pipeline_state.row
 
+    def verdict(self, state: State) -> jax.Array:
+        """+1 the task is carried out, -1 violated, 0 open: int8 scalar."""
+        return self.table.verdict[state.pipeline_state.row]
+
     @property
     def observation_size(self) -> int:
         """Size of the environment's observation (the row is not part of it)."""

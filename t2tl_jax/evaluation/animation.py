@@ -133,16 +133,19 @@ def record(
         def step(state: Any, key: jax.Array) -> tuple[Any, tuple]:
             action = agent.act(params, embedding, state.obs, env.row(state), key, deterministic)
             state = env.step(state, action)
-            return state, (look(state), state.reward, state.done)
+            return state, (look(state), env.verdict(state), state.done)
 
         _, steps = jax.lax.scan(step, first, jax.random.split(act_key, episode_length))
         return look(first), steps
 
-    first, (seen, rewards, done) = jax.device_get(jax.jit(play)(params, key))
+    first, (seen, verdicts, done) = jax.device_get(jax.jit(play)(params, key))
     ended = np.flatnonzero(done > 0)
     length = int(ended[0]) + 1 if ended.size else episode_length
     scenes, rows = jax.tree.map(lambda one, more: np.concatenate([np.asarray(one)[None], more[:length]]), first, seen)
-    return Recording(scenes, rows, int(np.sign(rewards[length - 1])) if ended.size else 0)
+    verdict = int(verdicts[length - 1])
+    if ended.size and verdict == 0:  # the physics failed
+        verdict = -1
+    return Recording(scenes, rows, verdict)
 
 
 def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[int], str] = lambda row: "") -> None:

@@ -20,6 +20,10 @@ class Environment(Protocol):
         """Next state: its ``reward``, and ``done`` once the task is decided."""
         ...
 
+    def verdict(self, state: Any) -> jax.Array:
+        """+1 the task is carried out, -1 violated, 0 open."""
+        ...
+
     def row(self, state: Any) -> jax.Array:
         """Row of the task table that is still to be done: ``int32``."""
         ...
@@ -70,10 +74,10 @@ def play(
         row = jax.vmap(env.row)(state)
         action = agent.act(params, embedding, state.obs, row, jax.random.fold_in(act_key, step), deterministic)
         moved = jax.vmap(env.step)(state, action)
-        ended = alive & (moved.done > 0)
+        ended, verdict = alive & (moved.done > 0), jax.vmap(env.verdict)(moved)
         outcome = Episodes(
-            success=outcome.success | (ended & (moved.reward > 0)),
-            violation=outcome.violation | (ended & (moved.reward <= 0)),
+            success=outcome.success | (ended & (verdict > 0)),
+            violation=outcome.violation | (ended & (verdict <= 0)),
             total_reward=outcome.total_reward + jnp.where(alive, moved.reward, 0.0),
             length=outcome.length + alive.astype(jnp.int32),
         )

@@ -2,6 +2,7 @@ import sys
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -36,6 +37,24 @@ def test_rates_are_those_of_the_environment(played):
         assert seed.discounted_return.value == pytest.approx(seed.success_rate.value - seed.violation_rate.value)
     assert report.solved.value == 0.0
     assert "0 of 2 seeds solve" in table({"deterministic": report})
+
+
+def test_success_is_what_the_verdict_says_whatever_the_task_pays(played):
+    class PaysForViolation(FakeEnv):
+        def step(self, state, action):
+            state = super().step(state, action)
+            return state.replace(reward=jnp.abs(state.reward), obs=state.obs + jnp.where(state.reward < 0, -2.0, 0.0))
+
+        def verdict(self, state):
+            return jnp.where(state.obs[0] < 0, -1, 1) * state.done
+
+    agent, seeds = make_agent(), (0, 4)
+    params = jax.vmap(agent.init)(stream_keys(seeds, TRAINING)).params
+    keys = stream_keys(seeds, EVALUATION)
+    paid = evaluate_seeds(PaysForViolation(), agent, params, keys, 2000, 7, deterministic=True)
+    np.testing.assert_array_equal(paid.success, played.success)
+    np.testing.assert_array_equal(paid.violation, played.violation)
+    assert (paid.total_reward[paid.violation] == 1).all()
 
 
 def test_only_the_first_episode_counts(played):

@@ -48,6 +48,9 @@ class FakeEnv:
     def row(self, state: World) -> jax.Array:
         return state.row
 
+    def verdict(self, state: World) -> jax.Array:
+        return jnp.sign(state.reward)
+
 
 @struct.dataclass
 class FakeState:
