@@ -62,12 +62,18 @@ def ending(metrics: Path, last: float) -> Ending:
 
 
 def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
-    """Fields in which two configurations differ, as ``ppo.noise_time=0.0``; where the run was stored does not count."""
+    """Fields in which two configurations differ, as ``ppo.noise_time=0.0``; where the run was stored does not count.
+
+    Of another kind of environment, network or learner, its name and what departs from its defaults.
+    """
     for field in dataclasses.fields(base):
         if prefix == "" and field.name == "run":
             continue
         a, b, name = getattr(base, field.name), getattr(other, field.name), prefix + field.name
-        if dataclasses.is_dataclass(a):
+        if dataclasses.is_dataclass(b) and not isinstance(b, type):
+            if type(a) is not type(b):
+                yield f"{name}={type(b).__name__}"
+                a = type(b)()
             yield from differences(a, b, name + ".")
         elif a != b:
             yield f"{name}={b}"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.compare import differences, ending, main
-from experiments.configs import Config
+from experiments.configs import CONFIGS, Config
 
 
 @pytest.fixture
@@ -39,6 +39,21 @@ def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
         base, ppo=dataclasses.replace(base.ppo, noise_time=0.0), run=dataclasses.replace(base.run, folder="x")
     )
     assert list(differences(base, other)) == ["ppo.noise_time=0.0"]
+
+
+def test_differences_between_kinds_are_those_from_the_defaults():
+    zone, water = Config(), CONFIGS["waterworld_crm"][0]
+    water = dataclasses.replace(water, frames=zone.frames)
+    assert set(differences(zone, water)) == {
+        "env=WaterWorldConfig",
+        "network=QNetworkConfig",
+        "network.task_encoder=one_hot",
+        "ppo=None",
+        "dqn=DQNConfig",
+        "task=phi_water",
+        "episode_length=600",
+    }
+    assert "env=ZoneConfig" in set(differences(water, zone)) and "dqn=None" in set(differences(water, zone))
 
 
 def test_wrong_folder_is_a_clean_error(tmp_path, capsys):
