@@ -20,9 +20,8 @@ from t2tl_jax.agents.agent import Agent, EpisodeTotals, Metrics, Params
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.episodes import Episode, Outcome, advance, begin
-
-MINIMUM_SCORED_EPISODES = 16
 
 
 @dataclass(frozen=True)
@@ -261,15 +260,13 @@ def make_dqn(
         scalars["epsilon"] = epsilon(config, first / total_steps)
 
         # Episodes of an iteration are played by parameters between those before and after it; credit the former.
-        enough = totals.episodes >= MINIMUM_SCORED_EPISODES
-        score = jnp.where(enough, totals.discounted_return / jnp.maximum(totals.episodes, 1), -jnp.inf)
-        better = score > state.best_score
+        best_params, best_score = keep_best(params_before, totals, state.best_params, state.best_score)
         return replace(
             state,
             key=key,
             iteration=state.iteration + 1,
-            best_params=jax.tree.map(partial(jnp.where, better), params_before, state.best_params),
-            best_score=jnp.maximum(score, state.best_score),
+            best_params=best_params,
+            best_score=best_score,
         ), Metrics(episodes=totals, scalars=scalars)
 
     return Agent(init=init, iterate=iterate, embed=embed, act=act, frames_per_iteration=config.frames_per_iteration)

@@ -18,6 +18,7 @@ from jax.scipy.stats import norm
 from t2tl_jax.agents.agent import Agent, EpisodeTotals, Metrics, Params
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.episodes import Episode, begin
 from t2tl_jax.training.rollout import Transitions, generalised_advantages, rollout
 
@@ -120,9 +121,6 @@ class Batch:
     log_prob: jax.Array
     value: jax.Array
     advantage: jax.Array
-
-
-MINIMUM_SCORED_EPISODES = 16
 
 
 def log_probability(mean: jax.Array, std: jax.Array, action: jax.Array) -> jax.Array:
@@ -290,9 +288,7 @@ def make_ppo(
         )
 
         # The rollout scores the parameters that made it, not the ones it led to.
-        enough = totals.episodes >= MINIMUM_SCORED_EPISODES
-        score = jnp.where(enough, totals.discounted_return / jnp.maximum(totals.episodes, 1), -jnp.inf)
-        is_best = score > state.best_score
+        best_params, best_score = keep_best(state.params, totals, state.best_params, state.best_score)
         new_state = PPOState(
             params=params,
             opt_state=opt_state,
@@ -300,8 +296,8 @@ def make_ppo(
             noise=noise,
             key=key,
             iteration=state.iteration + 1,
-            best_params=jax.tree.map(lambda new, old: jnp.where(is_best, new, old), state.params, state.best_params),
-            best_score=jnp.maximum(score, state.best_score),
+            best_params=best_params,
+            best_score=best_score,
         )
         return new_state, Metrics(episodes=totals, scalars=jax.tree.map(jnp.mean, scalars))
 

@@ -1,0 +1,28 @@
+"""The best parameters so far, scored inside the compiled program by the episodes that they played."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+
+from t2tl_jax.agents.agent import EpisodeTotals, Params
+
+MINIMUM_EPISODES = 16
+"""Fewer finished episodes than this score nothing: one lucky episode is no record."""
+
+
+def keep_best(
+    params: Params, totals: EpisodeTotals, best_params: Params, best_score: jax.Array
+) -> tuple[Params, jax.Array]:
+    """The better of two parameter sets and its score, the average discounted return.
+
+    Args:
+        params: those that played the episodes of `totals` (not those that the episodes led to).
+        totals: sums over these episodes.
+        best_params: the best ones until now.
+        best_score: their score, float32 scalar.
+    """
+    average = totals.discounted_return / jnp.maximum(totals.episodes, 1)
+    score = jnp.where(totals.episodes >= MINIMUM_EPISODES, average, -jnp.inf)
+    is_better = score > best_score
+    return jax.tree.map(partial(jnp.where, is_better), params, best_params), jnp.maximum(score, best_score)
