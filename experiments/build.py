@@ -6,7 +6,7 @@ from envs import registry
 from envs.base import LabelledEnv
 from experiments.configs import Config
 from experiments.errors import UserError
-from t2tl_jax.agents.agent import Agent
+from t2tl_jax.agent import Agent
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import TaskTable, compile_named

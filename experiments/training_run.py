@@ -14,7 +14,7 @@ from experiments.build import Experiment
 from experiments.configs import Config
 from experiments.errors import UserError
 from experiments.run_folder import RunFolder
-from t2tl_jax.agents.agent import Metrics
+from t2tl_jax.agent import Metrics
 from t2tl_jax.evaluation import report
 from t2tl_jax.evaluation.curves import plot_learning_curves, sparkline
 from t2tl_jax.training import loop

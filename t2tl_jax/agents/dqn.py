@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 
-from t2tl_jax.agents.agent import Agent, EpisodeTotals, Metrics, Params
+from t2tl_jax.agent import Agent, EpisodeTotals, Metrics, Params
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.task_env import TaskEnv

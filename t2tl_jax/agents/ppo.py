@@ -15,7 +15,7 @@ import optax
 from flax import struct
 from jax.scipy.stats import norm
 
-from t2tl_jax.agents.agent import Agent, EpisodeTotals, Metrics, Params
+from t2tl_jax.agent import Agent, EpisodeTotals, Metrics, Params
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.best import keep_best

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 
-from t2tl_jax.agents.agent import Agent, Params
+from t2tl_jax.agent import Agent, Params
 
 
 class Environment(Protocol):

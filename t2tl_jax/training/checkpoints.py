@@ -63,7 +63,7 @@ class Checkpoints:
 
         Args:
             iteration: how many iterations led to this state.
-            train_state: see ``t2tl_jax.agents.agent.TrainState``, with leading axis [seeds].
+            train_state: see ``t2tl_jax.agent.TrainState``, with leading axis [seeds].
             info: anything that JSON can hold.
         """
         self.folder.mkdir(parents=True, exist_ok=True)

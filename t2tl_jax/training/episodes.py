@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from brax.envs.base import State
 from flax import struct
 
-from t2tl_jax.agents.agent import EpisodeTotals
+from t2tl_jax.agent import EpisodeTotals
 from t2tl_jax.task_env import TaskEnv
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import jax
 
-from t2tl_jax.agents.agent import Metrics
+from t2tl_jax.agent import Metrics
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from t2tl_jax.agents.agent import EpisodeTotals, Metrics
+from t2tl_jax.agent import EpisodeTotals, Metrics
 
 EPISODE_COLUMNS = (
     "episodes",

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 from jax.sharding import NamedSharding
 
-from t2tl_jax.agents.agent import Agent
+from t2tl_jax.agent import Agent
 from t2tl_jax.training.seeds import TRAINING, seed_sharding, stream_keys
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import tensorboardX
 
-from t2tl_jax.agents.agent import Metrics
+from t2tl_jax.agent import Metrics
 from t2tl_jax.training import metrics_file
 
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 
-from t2tl_jax.agents.agent import EpisodeTotals
+from t2tl_jax.agent import EpisodeTotals
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.episodes import Episode, advance
 

@@ -17,7 +17,7 @@ from flax import struct
 from experiments import run
 from experiments.build import Experiment
 from experiments.configs import Config
-from t2tl_jax.agents.agent import Agent, EpisodeTotals, Metrics
+from t2tl_jax.agent import Agent, EpisodeTotals, Metrics
 
 FRAMES_PER_ITERATION = 100
 SUCCESS, VIOLATION = 0.6, 0.3  # of an episode's first step, if the action is 1
