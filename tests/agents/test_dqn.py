@@ -1,6 +1,7 @@
 """Double DQN: counterfactual targets against a slow loop, schedules, replay, a probe that a correct learner solves."""
 
 import dataclasses
+from functools import partial
 
 import chex
 import jax
@@ -20,6 +21,7 @@ NETWORK = QNetworkConfig(
     state_layers=(16,),
     task_layer=32,
 )
+ONE_HOT = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster where the encoder does not matter
 DQN = DQNConfig(
     num_envs=8,
     steps_per_iteration=50,
@@ -86,7 +88,7 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
         letter=jax.random.randint(keys[3], (size,), 0, table.next_row.shape[1]),
         cut=jnp.zeros(size, bool),
     )
-    params = network.init(jax.random.key(1), table, batch.obs, method="initialise")
+    params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(1), table, batch.obs)
     embedding = network.apply(params, table, method="embed")
     q = network.apply(params, batch.obs, embedding, method="every_row")
     after = network.apply(params, batch.next_obs, embedding, method="every_row")
@@ -104,7 +106,7 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
 
 def test_one_row_at_a_time_equals_every_row(env):
     network, obs = QNetwork(NETWORK, 3), jax.random.normal(jax.random.key(0), (5, 3))
-    params = network.init(jax.random.key(1), env.table, obs, method="initialise")
+    params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(1), env.table, obs)
     embedding = network.apply(params, env.table, method="embed")
     together = network.apply(params, obs, embedding, method="every_row")
     for row in range(env.table.num_rows):
@@ -112,7 +114,7 @@ def test_one_row_at_a_time_equals_every_row(env):
         np.testing.assert_allclose(network.apply(params, obs, task), together[:, row], atol=1e-5)
 
 
-@pytest.mark.parametrize("network", [NETWORK, dataclasses.replace(NETWORK, task_encoder="one_hot")])
+@pytest.mark.parametrize("network", [pytest.param(NETWORK, marks=pytest.mark.slow), ONE_HOT])
 def test_probe_is_solved(env, network):
     agent = make(env, network)
     state = jax.jit(agent.init)(jax.random.key(0))
@@ -134,7 +136,7 @@ def test_epsilon_falls_linearly_and_stays():
 
 
 def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
-    agent = make(env, steps_per_iteration=10, learning_starts=8 * 20, target_period=15)
+    agent = make(env, ONE_HOT, steps_per_iteration=10, learning_starts=8 * 20, target_period=15)
     init, iterate = jax.jit(agent.init), jax.jit(agent.iterate)
     start = init(jax.random.key(0))
     one, _ = iterate(start)
@@ -148,7 +150,7 @@ def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
 
 
 def test_replay_wraps_around_and_keeps_the_newest(env):
-    agent = make(env, buffer_size=64, steps_per_iteration=20, learning_starts=10_000)
+    agent = make(env, ONE_HOT, buffer_size=64, steps_per_iteration=20, learning_starts=10_000)
     state, _ = jax.jit(agent.iterate)(jax.jit(agent.init)(jax.random.key(0)))
     assert state.buffer.is_full and state.buffer.current_index == (20 * 8) % 64
     stored = state.buffer.experience
@@ -157,6 +159,7 @@ def test_replay_wraps_around_and_keeps_the_newest(env):
     assert labels_match.all()  # every slot holds one consistent transition: action k makes letter k
 
 
+@pytest.mark.slow
 def test_vmapped_seeds_equal_single_seeds(env):
     agent = make(env, steps_per_iteration=10, learning_starts=40)
     keys = jax.random.split(jax.random.key(3), 2)
@@ -169,7 +172,7 @@ def test_vmapped_seeds_equal_single_seeds(env):
 
 
 def test_iterations_compile_once(env):
-    agent = make(env, steps_per_iteration=5)
+    agent = make(env, ONE_HOT, steps_per_iteration=5)
     iterate = jax.jit(chex.assert_max_traces(agent.iterate, n=1), donate_argnums=0)
     state = jax.jit(agent.init)(jax.random.key(0))
     for _ in range(3):

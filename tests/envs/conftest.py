@@ -62,8 +62,9 @@ def run_original(original):
     return run
 
 
-@pytest.fixture(scope="session", params=["mjx", "closed_form"])
+@pytest.fixture(scope="session", params=[pytest.param("mjx", marks=pytest.mark.slow), "closed_form"])
 def env(request) -> ZoneEnv:
+    """Both physics; in the fast subset MJX is only compared with the original, since compiling a step takes long."""
     return ZoneEnv(ZoneConfig(physics=request.param))
 
 

@@ -55,7 +55,6 @@ def test_double_precision_keeps_the_dtypes(env):
         assert describe(state) == describe(after)
 
 
-@pytest.mark.slow
 def test_vmap_equals_loop(env, batched_step):
     """To rounding: on its own or in a batch, XLA may order the arithmetic differently."""
     rng = np.random.default_rng(0)

@@ -97,7 +97,7 @@ def test_parameters_can_differ_within_a_batch():
     def rollout(states, actions):
         return jax.lax.scan(lambda s, a: (jax.vmap(base.step)(s, a), None), states, actions)[0]
 
-    together = rollout(jax.vmap(base.reset)(keys, batch), actions)
+    together = jax.jit(rollout)(jax.jit(jax.vmap(base.reset))(keys, batch), actions)
     for i, radius in enumerate(np.asarray(radii).tolist()):
         config = dataclasses.replace(
             base.config,
@@ -107,9 +107,9 @@ def test_parameters_can_differ_within_a_batch():
             arena=(400.0 + radius, 500.0 + radius),
         )
         env = WaterWorld(config)
-        state = env.reset(keys[i])
+        state, step = jax.jit(env.reset)(keys[i]), jax.jit(env.step)
         for action in actions[:, i]:
-            state = jax.jit(env.step)(state, action)
+            state = step(state, action)
         np.testing.assert_allclose(together.obs[i], state.obs, atol=2e-5)
         np.testing.assert_array_equal(together.pipeline_state.contact[i], state.pipeline_state.contact)
 

@@ -65,6 +65,7 @@ def test_it_beats_random_actions(task_env):
     assert 85 < script.length < 140
 
 
+@pytest.mark.slow
 def test_command_prints_a_table(capsys):
     main(ScriptConfig(tasks=("phi_water", "F Pink"), episodes=2, episode_length=3))
     printed = capsys.readouterr().out
