@@ -114,7 +114,8 @@ def test_one_row_at_a_time_equals_every_row(env):
         np.testing.assert_allclose(network.apply(params, obs, task), together[:, row], atol=1e-5)
 
 
-@pytest.mark.parametrize("network", [pytest.param(NETWORK, marks=pytest.mark.slow), ONE_HOT])
+@pytest.mark.slow
+@pytest.mark.parametrize("network", [NETWORK, ONE_HOT])
 def test_probe_is_solved(env, network):
     agent = make(env, network)
     state = jax.jit(agent.init)(jax.random.key(0))

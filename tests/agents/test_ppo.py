@@ -76,6 +76,7 @@ def test_exploration_noise_keeps_its_variance_and_correlation(env):
     assert np.corrcoef(before, after)[0, 1] == pytest.approx(np.exp(-16 / 20), abs=0.15)
 
 
+@pytest.mark.slow
 def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
     table, network = env.table, ActorCritic(NETWORK, env.action_size)
     keys = jax.random.split(jax.random.key(0), 6)

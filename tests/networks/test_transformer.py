@@ -47,6 +47,7 @@ def test_masked_encoding_does_not_depend_on_padding():
     )
 
 
+@pytest.mark.slow
 def test_published_encoding_depends_on_padding():
     tokens = [[5, 3, 12, 5, 10]]
     assert np.abs(encode(PUBLISHED, tokens, 5) - encode(PUBLISHED, tokens, 25)).max() > 1e-3
@@ -66,7 +67,7 @@ def test_sinusoidal_positions_follow_the_formula():
     assert table[7, 11] == pytest.approx(np.cos(7 / 10_000 ** (10 / 64)), abs=1e-6)
 
 
-@pytest.mark.parametrize("norm", ["pre", "post"])
+@pytest.mark.parametrize("norm", ["pre", pytest.param("post", marks=pytest.mark.slow)])
 def test_output_is_bounded_and_differentiable(norm):
     config = TransformerConfig(norm=norm)
     table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one")
