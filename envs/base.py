@@ -42,3 +42,8 @@ class LabelledEnv(Env):
     @abc.abstractmethod
     def num_actions(self) -> int | None:
         """Number of discrete actions, or ``None`` when actions are ``float[action_size]`` in [-1, 1]."""
+
+    def for_seed(self, seed: jax.Array) -> "LabelledEnv":
+        """The environment of the run with this seed, which may be traced; here the same for all of them."""
+        del seed
+        return self

@@ -15,6 +15,7 @@ Where the original program is odd, this is what happens here:
 - Rewards of its tasks, what its time limit means and how it explores belong to tasks and learners, not to the world.
 """
 
+import copy
 import dataclasses
 from typing import Literal
 
@@ -50,12 +51,14 @@ class WaterWorldConfig:
     """Names of the colours, which are the propositions; the balls of a colour follow each other in this order."""
     balls_per_colour: int = 2
     """How many balls each colour has."""
-    layout: Literal["fixed", "random"] = "fixed"
-    """Every episode starts on the numbered map, or on a new random one."""
+    layout: Literal["fixed", "by_seed", "random"] = "fixed"
+    """Every episode starts on the numbered map, on the map whose number is the seed of the run, or on a new random one.
+    By seed, the seeds 1,2,3,4 of one run train on the maps 1 to 4 side by side."""
     map_number: int = 1
     """Which map, if fixed: what the original draws from this seed. Its experiments use 1 to 10 (with six colours)."""
     pool_size: int = 1024
-    """A random layout is one of the maps 0 to pool_size - 1; with 0 it is drawn afresh, which costs more."""
+    """Random layouts and those by seed are among the maps 0 to pool_size - 1; with 0 random ones are drawn afresh, which
+    costs more."""
     events: Literal["onset", "level"] = "onset"
     """A colour is true in the step in which contact with a ball of it begins, or as long as it lasts."""
     delay: Literal[0, 1] = 0
@@ -118,6 +121,15 @@ class WaterWorld(LabelledEnv):
             self._starts = waterworld_maps.map_pool(config.map_number, 1, radii, config.agent_radius, config.arena)
         elif config.pool_size:
             self._starts = waterworld_maps.map_pool(0, config.pool_size, radii, config.agent_radius, config.arena)
+
+    def for_seed(self, seed: jax.Array) -> "WaterWorld":
+        """The world in which the run of this seed takes place; `seed` may be traced."""
+        if self.config.layout != "by_seed":
+            return self
+        assert self._starts is not None  # there is a pool, which the configuration's check made sure of
+        mine = copy.copy(self)
+        mine._starts = Start(*(jnp.asarray(part, jnp.float32)[seed][None] for part in self._starts))
+        return mine
 
     @property
     def propositions(self) -> tuple[str, ...]:
@@ -182,7 +194,7 @@ class WaterWorld(LabelledEnv):
             start = waterworld_maps.random_map(rng, params.radius_of_each_ball(self.config.balls_per_colour), params)
         else:
             size = len(self._starts.agent)
-            index = 0 if size == 1 else jax.random.randint(rng, (), 0, size)
+            index = jax.random.randint(rng, (), 0, size) if self.config.layout == "random" and size > 1 else 0
             start = Start(*(jnp.asarray(part, jnp.float32)[index] for part in self._starts))
         return self.reset_to(start.agent, jnp.zeros(2), start.balls, params.ball_speed * start.directions, params)
 
@@ -297,8 +309,10 @@ def _radii(config: WaterWorldConfig) -> tuple[float, ...]:
 
 def _check_config(config: WaterWorldConfig) -> None:
     """Refuse a configuration without meaning with a ValueError that says what to change."""
-    if config.layout not in ("fixed", "random"):
-        raise ValueError(f"layout is {config.layout!r}; it must be 'fixed' or 'random'")
+    if config.layout not in ("fixed", "by_seed", "random"):
+        raise ValueError(f"layout is {config.layout!r}; it must be 'fixed', 'by_seed' or 'random'")
+    if config.layout == "by_seed" and not config.pool_size:
+        raise ValueError("layout='by_seed' takes its maps from the pool; pool_size must be larger than every seed")
     if config.events not in ("onset", "level"):
         raise ValueError(f"events is {config.events!r}; it must be 'onset' or 'level'")
     if config.delay not in (0, 1):

@@ -1,6 +1,9 @@
 """From a configuration to the objects that train and evaluate it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+
+import jax
 
 from envs import registry
 from envs.base import LabelledEnv
@@ -27,6 +30,12 @@ class Experiment:
     """As many as are needed for the frames asked for."""
     row_texts: tuple[str, ...] = ()
     """What every row of the task table says, for pictures."""
+    member: Callable[[jax.Array], tuple[TaskEnv, Agent]] | None = None
+    """Environment and learner as a function of the seed, where they differ between the seeds of a run."""
+
+    def of_seed(self, seed: jax.Array) -> tuple[TaskEnv, Agent]:
+        """Environment (for evaluation) and learner of one seed, whose number may be traced."""
+        return (self.env, self.agent) if self.member is None else self.member(seed)
 
 
 def build(config: Config) -> Experiment:
@@ -39,9 +48,14 @@ def build(config: Config) -> Experiment:
         env = registry.make(config.env)
         table = make_table(config, env)
         iterations = -(-config.frames // config.learner.frames_per_iteration)
+
+        def member(seed: jax.Array) -> tuple[TaskEnv, Agent]:
+            own = env.for_seed(seed)
+            return TaskEnv(own, table), _make_agent(config, TaskEnv(own, table, config.simultaneous), iterations)
+
         agent = _make_agent(config, TaskEnv(env, table, config.simultaneous), iterations)
         texts = tuple(table.text(row) for row in range(table.num_rows))
-        return Experiment(TaskEnv(env, table), agent, iterations, texts)
+        return Experiment(TaskEnv(env, table), agent, iterations, texts, member)
     except ValueError as error:
         raise UserError(str(error)) from error
 

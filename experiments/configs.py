@@ -163,6 +163,30 @@ _WATERWORLD = Config(
     episode_length=waterworld.EPISODE_LENGTH,
 )
 
+# The reward-machine experiments of JAIR 2022 in their own world: one environment, one update after every step. Their
+# learning rate was 1e-5; seed i runs on map i, so name the seeds 1,2,...,10.
+_RM_WATER = Config(
+    env=WaterWorldConfig(colours=waterworld.LETTERS, layout="by_seed", delay=1),
+    task="rm_water_published",
+    network=QNetworkConfig(task_encoder="one_hot", one_hot_size=77),
+    ppo=None,
+    dqn=DQNConfig(
+        num_envs=1,
+        steps_per_iteration=2000,
+        batch_size=32,
+        buffer_size=50_000,
+        learning_starts=1000,
+        target_period=100,
+        discount=0.9,
+        learning_rate=1e-4,
+        epsilon_end=0.01,
+        epsilon_fraction=0.1,
+    ),
+    frames=2_000_000,
+    seeds="1,2,3,4,5,6,7,8,9,10",
+    episode_length=waterworld.EPISODE_LENGTH,
+)
+
 CONFIGS: dict[str, tuple[Config, str]] = {
     "zone_ppo": (
         Config(),

@@ -46,9 +46,7 @@ def evaluate(experiment: Experiment, config: Config, params: Any, episodes: int)
     keys = stream_keys(seeds, EVALUATION)
     return {
         name: summarise(
-            evaluate_seeds(
-                experiment.env, experiment.agent, params, keys, episodes, config.episode_length, deterministic
-            ),
+            evaluate_seeds(experiment.of_seed, seeds, params, keys, episodes, config.episode_length, deterministic),
             seeds,
             config.learner.discount,
         )
@@ -76,8 +74,10 @@ def draw_episode(experiment: Experiment, config: Config, params: Any, folder: Ru
     view = view_of(experiment.env)
     if view is None:
         return False
-    key = stream_keys(parse_seeds(config.seeds), ANIMATION)[0]
+    seeds = parse_seeds(config.seeds)
+    key = stream_keys(seeds, ANIMATION)[0]
+    env, agent = experiment.of_seed(jax.numpy.uint32(seeds[0]))
     first = jax.tree.map(lambda x: x[0], params)
-    recording = record(experiment.env, view, experiment.agent, first, key, config.episode_length, deterministic=True)
+    recording = record(env, view, agent, first, key, config.episode_length, deterministic=True)
     save_gif(recording, view, folder.gif, captions(experiment.row_texts))
     return True

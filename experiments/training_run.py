@@ -101,7 +101,7 @@ def _prepare(config: Config, build: Build) -> tuple[Experiment, tuple[int, ...],
     try:
         seeds = parse_seeds(config.seeds)
         experiment = build(config)
-        return experiment, seeds, trace(experiment.agent, seeds)
+        return experiment, seeds, trace(lambda seed: experiment.of_seed(seed)[1], seeds)
     except (ValueError, TypeError) as error:
         raise UserError(str(error)) from error
 

@@ -47,10 +47,14 @@ class TaskEnv(Env):
         self.table = table
         self.simultaneous = simultaneous
 
-    def reset(self, rng: jax.Array) -> State:
-        """A fresh layout and a task drawn uniformly from the table's tasks; the initial state's labels are not used."""
+    def reset(self, rng: jax.Array, turn: jax.Array | None = None) -> State:
+        """A fresh layout and one of the table's tasks; the initial state's labels are not used.
+
+        The task is drawn uniformly, or is number `turn` (int32 scalar) of those that take turns.
+        """
         env_key, task_key, row_key = jax.random.split(rng, 3)
-        row = jax.random.choice(task_key, self.table.initial_row)
+        tasks = self.table.initial_row
+        row = jax.random.choice(task_key, tasks) if turn is None else tasks[turn % len(tasks)]
         if self.simultaneous > 0.0:
             share_key, row_key = jax.random.split(row_key)
             is_open = (self.table.verdict == 0).astype(jnp.float32)

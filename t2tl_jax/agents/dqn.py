@@ -16,12 +16,16 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 
-from t2tl_jax.agent import Agent, EpisodeTotals, Metrics, Params
+from t2tl_jax.agent import Agent, Metrics, Params
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.best import keep_best
-from t2tl_jax.training.episodes import Episode, Outcome, advance, begin
+from t2tl_jax.training.episodes import Episode, Outcome, advance, begin, by_task
+
+
+MAX_TASKS_APART = 16
+"""Up to so many tasks of a table have columns of their own among the metrics."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +191,8 @@ def make_dqn(
         # The first episodes are cut at random lengths, so that parallel environments do not reset in step.
         limits = jax.random.randint(limit_key, (config.num_envs,), 1, episode_length + 1)
         limits = limits if config.num_envs > 1 else jnp.full(1, episode_length)
-        episodes = jax.vmap(partial(begin, env))(jax.random.split(episodes_key, config.num_envs), limits)
+        keys = jax.random.split(episodes_key, config.num_envs)
+        episodes = jax.vmap(partial(begin, env))(keys, limits, jnp.arange(config.num_envs))
         params = network.init(params_key, table, episodes.state.obs, method="initialise")
         obs = episodes.state.obs[0]
         blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), jnp.int32(0), jnp.bool_(False))
@@ -203,7 +208,7 @@ def make_dqn(
             best_score=jnp.float32(-jnp.inf),
         )
 
-    def interact(state: DQNState, step: jax.Array, key: jax.Array) -> tuple[DQNState, EpisodeTotals]:
+    def interact(state: DQNState, step: jax.Array, key: jax.Array) -> tuple[DQNState, Outcome]:
         """One step of all environments, stored."""
         act_key, reset_key = jax.random.split(key)
         obs, row = state.episodes.state.obs, state.episodes.state.pipeline_state.row
@@ -213,14 +218,23 @@ def make_dqn(
             env, state.episodes, action, jax.random.split(reset_key, config.num_envs), episode_length, config.discount
         )
         stored = Transition(obs, action, outcome.next_obs, row, outcome.letter, outcome.truncated)
-        return replace(state, episodes=episodes, buffer=replay.add(state.buffer, stored)), outcome.totals
+        return replace(state, episodes=episodes, buffer=replay.add(state.buffer, stored)), outcome
 
-    def update(state: DQNState, count: jax.Array, key: jax.Array) -> tuple[DQNState, dict[str, jax.Array]]:
-        """One gradient step on a sampled batch; `count` is its number, from which the target's copies are timed."""
+    def update(state: DQNState, count: jax.Array, ready: jax.Array, key: jax.Array):
+        """One gradient step on a sampled batch; `count` is its number, from which the target's copies are timed.
+
+        Until it is `ready` nothing moves. To choose between old and new parameters would read and write all of them at
+        every step; with gradients of zero Adam's moments and the parameters stay what they were, and only its counter
+        has to be held.
+        """
         batch = replay.sample(state.buffer, key).experience
         loss = partial(dqn_loss, config, network, table)
         gradient, scalars = jax.grad(loss, has_aux=True)(state.params, state.target_params, batch)
+        gradient = jax.tree.map(lambda x: jnp.where(ready, x, 0.0), gradient)
         updates, opt_state = optimizer.update(gradient, state.opt_state, state.params)
+        opt_state = jax.tree.map(
+            lambda new, old: jnp.where(ready, new, old) if new.ndim == 0 else new, opt_state, state.opt_state
+        )
         params = optax.apply_updates(state.params, updates)
         target_params = optax.periodic_update(params, state.target_params, count, config.target_period)
         return replace(state, params=params, target_params=target_params, opt_state=opt_state), scalars
@@ -234,30 +248,24 @@ def make_dqn(
             act_key, *update_keys = jax.random.split(key, 1 + config.updates_per_step)
 
             # ACT
-            acted, totals = interact(state, step, act_key)
+            state, outcome = interact(state, step, act_key)
 
             # UPDATE
-            learned = acted
-            for i, update_key in enumerate(update_keys):
-                learned, scalars = update(learned, step * config.updates_per_step + i, update_key)
             ready = (step + 1) * config.num_envs > config.learning_starts
-            keep = partial(jax.tree.map, partial(jnp.where, ready))
-            after = replace(
-                acted,
-                params=keep(learned.params, acted.params),
-                target_params=keep(learned.target_params, acted.target_params),
-                opt_state=keep(learned.opt_state, acted.opt_state),
-            )
-            return after, (totals, scalars)
+            for i, update_key in enumerate(update_keys):
+                state, scalars = update(state, step * config.updates_per_step + i, ready, update_key)
+            return state, (outcome.totals, outcome.task, outcome.score, scalars)
 
         steps = first + jnp.arange(config.steps_per_iteration)
         params_before = state.params
-        state, (totals, scalars) = jax.lax.scan(
+        state, (ended, task, score, scalars) = jax.lax.scan(
             one_step, state, (steps, jax.random.split(scan_key, config.steps_per_iteration))
         )
-        totals = jax.tree.map(jnp.sum, totals)
+        totals = jax.tree.map(jnp.sum, ended)
         scalars = jax.tree.map(jnp.mean, scalars)
         scalars["epsilon"] = epsilon(config, first / total_steps)
+        if 1 < len(table.initial_row) <= MAX_TASKS_APART:
+            scalars |= by_task(ended, task, score, len(table.initial_row))
 
         # Episodes of an iteration are played by parameters between those before and after it; credit the former.
         best_params, best_score = keep_best(params_before, totals, state.best_params, state.best_score)

@@ -200,7 +200,7 @@ def make_ppo(
         limits = jnp.full(config.num_envs, episode_length)
         if config.staggered_start:
             limits = jax.random.randint(limit_key, (config.num_envs,), 1, episode_length + 1)
-        episodes = jax.vmap(partial(begin, env))(keys, limits)
+        episodes = jax.vmap(partial(begin, env))(keys, limits, jnp.arange(config.num_envs))
         params = network.init(
             params_key, table, episodes.state.obs, episodes.state.pipeline_state.row, method="initialise"
         )

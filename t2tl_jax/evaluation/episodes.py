@@ -1,9 +1,11 @@
 """Complete episodes of a fixed policy: a fixed number of them, the first one of every environment."""
 
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 
 from t2tl_jax.agent import Agent, Params
@@ -87,8 +89,8 @@ def play(
 
 
 def evaluate_seeds(
-    env: Environment,
-    agent: Agent,
+    of_seed: Callable[[jax.Array], tuple[Environment, Agent]],
+    seeds: Sequence[int],
     params: Params,
     keys: jax.Array,
     episodes: int,
@@ -98,8 +100,8 @@ def evaluate_seeds(
     """``play`` for every seed in one program, on the host: ``[seeds, episodes]``.
 
     Args:
-        env: what to play in.
-        agent: offers ``embed`` and ``act``.
+        of_seed: environment and learner (which offers ``embed`` and ``act``) as a function of the seed's number.
+        seeds: the numbers, ``int[seeds]``.
         params: with leading axis [seeds].
         keys: ``key[seeds]``, of the evaluation stream.
         episodes: number of episodes per seed.
@@ -107,7 +109,7 @@ def evaluate_seeds(
         deterministic: whether to take the mode of the policy instead of a sample.
     """
 
-    def one_seed(params: Params, key: jax.Array) -> Episodes:
-        return play(env, agent, params, key, episodes, episode_length, deterministic)
+    def one_seed(seed: jax.Array, params: Params, key: jax.Array) -> Episodes:
+        return play(*of_seed(seed), params, key, episodes, episode_length, deterministic)
 
-    return jax.device_get(jax.jit(jax.vmap(one_seed))(params, keys))
+    return jax.device_get(jax.jit(jax.vmap(one_seed))(np.asarray(seeds, np.uint32), params, keys))

@@ -19,7 +19,8 @@ class Episode:
     elapsed: jax.Array  # int32, steps since the reset
     limit: jax.Array  # int32, the episode is cut when elapsed reaches it
     total: jax.Array  # float32, undiscounted return so far
-    counted: jax.Array  # bool, started at a task's first row: only these enter the totals
+    turn: jax.Array  # int32, number of the episode in its environment
+    task: jax.Array  # int32, which of the table's tasks; -1 for a start in another row, which enters no totals
 
 
 @struct.dataclass
@@ -32,18 +33,22 @@ class Outcome:
     reward: jax.Array  # float32
     terminated: jax.Array  # bool, a verdict was reached (or the physics failed)
     truncated: jax.Array  # bool, cut by the time limit without a verdict
+    task: jax.Array  # int32, of the episode
+    score: jax.Array  # float32, return per step of the episode that just ended, else 0
     totals: EpisodeTotals  # of the episode that just ended, else zeros
 
 
-def begin(env: TaskEnv, key: jax.Array, limit: jax.Array | int) -> Episode:
-    """Reset the environment: fresh layout, fresh task, `limit` steps to go."""
-    state = env.reset(key)
+def begin(env: TaskEnv, key: jax.Array, limit: jax.Array | int, turn: jax.Array | int = 0) -> Episode:
+    """Reset the environment: fresh layout, the task whose turn it is, `limit` steps to go."""
+    state = env.reset(key, jnp.asarray(turn, jnp.int32))
+    is_first_row = env.table.initial_row == env.row(state)
     return Episode(
         state=state,
         elapsed=jnp.int32(0),
         limit=jnp.asarray(limit, jnp.int32),
         total=jnp.float32(0),
-        counted=jnp.any(env.table.initial_row == env.row(state)),
+        turn=jnp.asarray(turn, jnp.int32),
+        task=jnp.where(is_first_row.any(), is_first_row.argmax(), -1).astype(jnp.int32),
     )
 
 
@@ -59,7 +64,7 @@ def advance(
     done = terminated | truncated
 
     verdict = env.table.verdict[env.row(state)]
-    ended = (done & episode.counted).astype(jnp.int32)
+    ended = (done & (episode.task >= 0)).astype(jnp.int32)
     length = elapsed.astype(jnp.float32)
     success = ended * (verdict > 0)
     totals = EpisodeTotals(
@@ -78,8 +83,26 @@ def advance(
         reward=state.reward,
         terminated=terminated,
         truncated=truncated,
+        task=episode.task,
+        score=ended * total / length,
         totals=totals,
     )
     under_way = dataclasses.replace(episode, state=state, elapsed=elapsed, total=total)
-    fresh = begin(env, key, limit)
+    fresh = begin(env, key, limit, episode.turn + 1)
     return jax.tree.map(lambda new, old: jnp.where(done, new, old), fresh, under_way), outcome
+
+
+def by_task(totals: EpisodeTotals, task: jax.Array, score: jax.Array, num_tasks: int) -> dict[str, jax.Array]:
+    """Episodes ended, mean and best return per step of each task, named `episodes_1`, `score_1`, `best_score_1`, ...
+
+    All of any number of steps and environments, `[...]`, as in `Outcome`. A task of which no episode ended scores 0.
+    """
+    ended = totals.episodes.reshape(-1, 1) * jax.nn.one_hot(task.reshape(-1), num_tasks)
+    scores = score.reshape(-1, 1) * ended
+    episodes = ended.sum(axis=0)
+    columns = {
+        "episodes": episodes,
+        "score": scores.sum(axis=0) / jnp.maximum(episodes, 1),
+        "best_score": scores.max(0),
+    }
+    return {f"{name}_{k + 1}": values[k] for name, values in columns.items() for k in range(num_tasks)}

@@ -1,10 +1,11 @@
 """A learner of one seed made into the one compiled program that trains all seeds of a run."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import jax
+import numpy as np
 from jax.sharding import NamedSharding
 
 from t2tl_jax.agent import Agent
@@ -27,10 +28,14 @@ class Program:
     """``state -> (state, Metrics)``, ready to compile; the given state's memory is reused for the result."""
 
 
-def trace(agent: Agent, seeds: Sequence[int]) -> Program:
+def trace(agent: Agent | Callable[[jax.Array], Agent], seeds: Sequence[int]) -> Program:
     """Vmap a learner over seeds and trace it, which finds most mistakes before anything is compiled or written.
 
     A single seed gets a leading axis as well, so that there is one kind of program.
+
+    Args:
+        agent: the learner, or the learner of each seed as a function of its number (``uint32`` scalar, traced).
+        seeds: their numbers.
 
     Raises:
         TypeError: if ``agent.iterate`` returns a state of other shapes or dtypes than it was given.
@@ -40,8 +45,19 @@ def trace(agent: Agent, seeds: Sequence[int]) -> Program:
     keys = stream_keys(seeds, TRAINING)
     if sharding is not None:
         keys = jax.device_put(keys, sharding)
-    init = jax.jit(jax.vmap(lambda key: _strongly_typed(agent.init(key))), **placement)
-    iterate = jax.jit(jax.vmap(agent.iterate), donate_argnums=0, **placement)
+    numbers = np.asarray(seeds, np.uint32)
+
+    def of_seed(seed: jax.Array) -> Agent:
+        return agent if isinstance(agent, Agent) else agent(seed)
+
+    def init_all(keys: jax.Array) -> Any:
+        return jax.vmap(lambda seed, key: _strongly_typed(of_seed(seed).init(key)))(numbers, keys)
+
+    def iterate_all(states: Any) -> Any:
+        return jax.vmap(lambda seed, state: of_seed(seed).iterate(state))(numbers, states)
+
+    init = jax.jit(init_all, **placement)
+    iterate = jax.jit(iterate_all, donate_argnums=0, **placement)
     state = _shapes(jax.eval_shape(init, keys))
     lowered = iterate.lower(state)
     _require_same(state, _shapes(lowered.out_info[0]))

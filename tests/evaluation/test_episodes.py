@@ -19,7 +19,9 @@ from fake_learner import SUCCESS, VIOLATION, FakeEnv, make_agent
 def played() -> Episodes:
     agent, seeds = make_agent(), (0, 4)
     params = jax.vmap(agent.init)(stream_keys(seeds, TRAINING)).params
-    return evaluate_seeds(FakeEnv(), agent, params, stream_keys(seeds, EVALUATION), 2000, 7, deterministic=True)
+    return evaluate_seeds(
+        lambda seed: (FakeEnv(), agent), seeds, params, stream_keys(seeds, EVALUATION), 2000, 7, deterministic=True
+    )
 
 
 def test_rates_are_those_of_the_environment(played):
@@ -51,7 +53,7 @@ def test_success_is_what_the_verdict_says_whatever_the_task_pays(played):
     agent, seeds = make_agent(), (0, 4)
     params = jax.vmap(agent.init)(stream_keys(seeds, TRAINING)).params
     keys = stream_keys(seeds, EVALUATION)
-    paid = evaluate_seeds(PaysForViolation(), agent, params, keys, 2000, 7, deterministic=True)
+    paid = evaluate_seeds(lambda seed: (PaysForViolation(), agent), seeds, params, keys, 2000, 7, deterministic=True)
     np.testing.assert_array_equal(paid.success, played.success)
     np.testing.assert_array_equal(paid.violation, played.violation)
     assert (paid.total_reward[paid.violation] == 1).all()
