@@ -57,7 +57,7 @@ class WaterWorldConfig:
     map_number: int = 1
     """Which map, if fixed: what the original draws from this seed. Its experiments use 1 to 10 (with six colours)."""
     pool_size: int = 1024
-    """Random layouts and those by seed are among the maps 0 to pool_size - 1; with 0 random ones are drawn afresh, which
+    """Random layouts and those by seed are among the maps 0 to pool_size - 1; with 0 random ones are drawn anew, which
     costs more."""
     events: Literal["onset", "level"] = "onset"
     """A colour is true in the step in which contact with a ball of it begins, or as long as it lasts."""

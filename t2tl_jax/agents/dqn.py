@@ -23,7 +23,6 @@ from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.episodes import Episode, Outcome, advance, begin, by_task
 
-
 MAX_TASKS_APART = 16
 """Up to so many tasks of a table have columns of their own among the metrics."""
 

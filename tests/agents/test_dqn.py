@@ -104,8 +104,9 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
     assert loss(False) == pytest.approx(huber[:, 3].mean(), rel=1e-4)
 
 
-def test_one_row_at_a_time_equals_every_row(env):
-    network, obs = QNetwork(NETWORK, 3), jax.random.normal(jax.random.key(0), (5, 3))
+@pytest.mark.parametrize("head", ["film", "bilinear"])
+def test_one_row_at_a_time_equals_every_row(env, head):
+    network, obs = QNetwork(dataclasses.replace(NETWORK, head=head), 3), jax.random.normal(jax.random.key(0), (5, 3))
     params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(1), env.table, obs)
     embedding = network.apply(params, env.table, method="embed")
     together = network.apply(params, obs, embedding, method="every_row")
@@ -115,7 +116,7 @@ def test_one_row_at_a_time_equals_every_row(env):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("network", [NETWORK, ONE_HOT])
+@pytest.mark.parametrize("network", [NETWORK, ONE_HOT, dataclasses.replace(ONE_HOT, head="bilinear")])
 def test_probe_is_solved(env, network):
     agent = make(env, network)
     state = jax.jit(agent.init)(jax.random.key(0))

@@ -1,0 +1,36 @@
+"""Published figures of the reward-machine experiments in WaterWorld (Toro Icarte et al., JAIR 2022), ten tasks.
+
+Recomputed from the authors' published episode logs: mean and sample standard deviation over maps 1 to 10 and two repeats.
+"""
+
+BEST_STEPS = {
+    1: (29, 26, 14, 40, 29, 29, 41, 58, 33, 44),
+    2: (28, 33, 15, 36, 47, 41, 48, 55, 34, 36),
+    3: (25, 17, 27, 31, 37, 40, 44, 65, 30, 26),
+    4: (31, 19, 14, 43, 33, 31, 53, 45, 42, 16),
+    5: (16, 26, 24, 28, 32, 32, 35, 60, 22, 33),
+    6: (23, 32, 28, 54, 53, 37, 66, 63, 28, 25),
+    7: (42, 34, 16, 55, 40, 42, 55, 47, 52, 11),
+    8: (49, 20, 26, 55, 35, 57, 64, 78, 54, 30),
+    9: (17, 14, 19, 30, 30, 32, 38, 51, 21, 25),
+    10: (15, 17, 28, 31, 37, 47, 50, 54, 19, 40),
+}
+"""Fewest steps in which any of the authors' methods carried out task t1 to t10, by map. The best score is 1/steps."""
+
+STEPS = (50_000, 100_000, 200_000, 400_000, 600_000, 800_000, 1_000_000, 1_200_000, 1_400_000, 1_600_000, 1_800_000)
+STEPS += (2_000_000,)
+
+SCORES = {
+    "ql": (
+        (0.097, 0.110, 0.154, 0.330, 0.444, 0.502, 0.559, 0.582, 0.602, 0.624, 0.650, 0.655),
+        (0.013, 0.017, 0.027, 0.089, 0.106, 0.120, 0.121, 0.125, 0.130, 0.142, 0.146, 0.147),
+    ),
+    "crm": (
+        (0.117, 0.169, 0.385, 0.593, 0.644, 0.691, 0.712, 0.725, 0.735, 0.743, 0.745, 0.736),
+        (0.014, 0.020, 0.077, 0.092, 0.082, 0.082, 0.074, 0.080, 0.080, 0.082, 0.083, 0.079),
+    ),
+}
+"""Normalised score (mean, standard deviation) after ``STEPS`` environment steps."""
+
+HOURS = {"ql": 3.1, "crm": 21.4}
+"""Median hours for two million steps in the authors' logs (hardware not published)."""

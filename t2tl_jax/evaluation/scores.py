@@ -1,0 +1,44 @@
+"""The metric of the reward-machine experiments: return per step, relative to the best that was ever seen.
+
+An episode scores its return over its length; the score is divided by the best one of any method on the same map and
+task, and averaged over the last thousand episodes of a run.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+WINDOW = 1000
+"""Episodes in one average."""
+
+
+def best_scores(columns: Mapping[str, np.ndarray], num_tasks: int) -> dict[int, np.ndarray]:
+    """Best score of an episode by seed, ``float[tasks]``, from the columns of a metrics file."""
+    seeds = columns["seed"].astype(int)
+    every = np.stack([columns[f"best_score_{k + 1}"] for k in range(num_tasks)], axis=-1)
+    return {int(seed): every[seeds == seed].max(axis=0) for seed in dict.fromkeys(seeds)}
+
+
+def normalised_scores(
+    columns: Mapping[str, np.ndarray], seed: int, best: Sequence[float] | np.ndarray, window: int = WINDOW
+) -> tuple[np.ndarray, np.ndarray]:
+    """Curve of one seed: environment steps and the average normalised score of the last episodes, ``float[points]``.
+
+    A point averages whole iterations, as few as hold `window` episodes; before that many have ended, all of them.
+
+    Args:
+        columns: of a metrics file, with `episodes_1`, `score_1`, ... for every task.
+        seed: whose curve.
+        best: the score that counts as 1, for every task.
+        window: episodes in one average.
+    """
+    of_seed = columns["seed"].astype(int) == seed
+    tasks = range(1, len(best) + 1)
+    episodes = np.stack([columns[f"episodes_{k}"][of_seed] for k in tasks], axis=-1)
+    scores = np.stack([columns[f"score_{k}"][of_seed] for k in tasks], axis=-1)
+    count = np.concatenate([[0.0], np.cumsum(episodes.sum(axis=-1))])
+    total = np.concatenate([[0.0], np.cumsum((episodes * scores / np.asarray(best)).sum(axis=-1))])
+    # The window of point i starts at the last iteration after which still enough episodes ended.
+    start = np.maximum(np.searchsorted(count, count[1:] - window, side="right") - 1, 0)
+    ended = np.maximum(count[1:] - count[start], 1.0)
+    return columns["frames"][of_seed], (total[1:] - total[start]) / ended
