@@ -208,6 +208,10 @@ CONFIGS: dict[str, tuple[Config, str]] = {
         Config(network=NetworkConfig(task_encoder="one_hot")),
         "the DFA baseline: the state of the task's automaton as a unit vector, all else as in zone_ppo",
     ),
+    "zone_gnn": (
+        Config(network=NetworkConfig(task_encoder="rgcn")),
+        "the GNN baseline: the formula's tree read by a relational graph network, all else as in zone_ppo",
+    ),
     "waterworld_dqn": (
         _WATERWORLD,
         "T1TL by double DQN on phi_water in WaterWorld, every sub-task learned from every step; five million frames",
@@ -215,6 +219,10 @@ CONFIGS: dict[str, tuple[Config, str]] = {
     "waterworld_crm": (
         replace(_WATERWORLD, network=QNetworkConfig(task_encoder="one_hot")),
         "the reward-machine baseline (CRM): the automaton's state as a unit vector, all else as in waterworld_dqn",
+    ),
+    "waterworld_gnn": (
+        replace(_WATERWORLD, network=QNetworkConfig(task_encoder="rgcn")),
+        "the GNN baseline: the formula's tree read by a relational graph network, all else as in waterworld_dqn",
     ),
     "waterworld_dfa": (
         replace(_WATERWORLD, network=QNetworkConfig(task_encoder="one_hot"), dqn=DQNConfig(simultaneous=False)),

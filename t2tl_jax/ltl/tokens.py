@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from t2tl_jax.ltl.errors import LTLError
-from t2tl_jax.ltl.formula import Formula, prop
+from t2tl_jax.ltl.formula import ARITY, Formula, prop
 
 PADDING = 0
 OPERATOR_ID = {
@@ -17,6 +17,9 @@ FIRST_PROPOSITION = 10
 _OPERATOR = {number: name for name, number in OPERATOR_ID.items()}
 _BINARY = frozenset({"until", "and", "or"})
 _UNARY = frozenset({"next", "eventually", "not"})
+
+NUM_OPERANDS = (0, *(ARITY[_OPERATOR[number]] for number in range(1, FIRST_PROPOSITION)))
+"""Operands of each id below the propositions; padding and propositions have none."""
 
 
 def vocabulary_size(num_propositions: int) -> int:

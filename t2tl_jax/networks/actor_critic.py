@@ -1,6 +1,6 @@
 """The actor-critic of the published code: environment encoder, task embedding, Gaussian actor, critic."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import jax
@@ -9,23 +9,16 @@ from flax import linen as nn
 
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.initializers import unit_norm
-from t2tl_jax.networks.task_encoders import TaskEncoder, make_task_encoder
-from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, make_task_encoder
 
 MINIMUM_STD = 1e-3
 MEAN_RANGE = 2.0
 
 
 @dataclass(frozen=True)
-class NetworkConfig:
+class NetworkConfig(TaskEncoderConfig):
     """Everything between an observation with a task row and an action with a value."""
 
-    task_encoder: Literal["transformer", "one_hot"] = "transformer"
-    """How a formula becomes numbers: read by a Transformer (T1TL), or the automaton's state as a unit vector (DFA)."""
-    transformer: TransformerConfig = field(default_factory=TransformerConfig)
-    """The formula's Transformer."""
-    one_hot_size: int = 16
-    """Width of the one-hot code; at least the number of rows."""
     env_layers: tuple[int, ...] = (128, 64)
     """Hidden sizes of the environment encoder."""
     actor_layers: tuple[int, ...] = (64, 64, 64)

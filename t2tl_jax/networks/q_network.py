@@ -14,22 +14,21 @@ import jax.numpy as jnp
 from flax import linen as nn
 
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.task_encoders import TaskEncoder, make_task_encoder
+from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
 
 HE = nn.initializers.orthogonal(2**0.5)
 
 
 @dataclass(frozen=True)
-class QNetworkConfig:
+class QNetworkConfig(TaskEncoderConfig):
     """Everything between an observation with a task row and the values of the actions."""
 
-    task_encoder: Literal["transformer", "one_hot"] = "transformer"
-    """How a formula becomes numbers: read by a Transformer (T1TL), or the automaton's state as a unit vector."""
     transformer: TransformerConfig = field(default_factory=lambda: TransformerConfig(output=32))
     """The formula's Transformer; 32 outputs as published for WaterWorld."""
-    one_hot_size: int = 16
-    """Width of the one-hot code; at least the number of rows."""
+    gru: GRUConfig = field(default_factory=lambda: GRUConfig(output=32))
+    """The formula's recurrent network; 32 outputs as the others."""
     state_layers: tuple[int, ...] = (512, 512)
     """Hidden sizes of the part that reads the state, shared by all tasks."""
     task_layer: int = 256

@@ -45,6 +45,8 @@ class TransformerConfig:
     def __post_init__(self) -> None:
         if self.layers < 1:
             raise ValueError(f"a Transformer needs at least one layer, got layers={self.layers}")
+        if min(self.width, self.feed_forward, self.output) < 1:
+            raise ValueError(f"sizes of a Transformer must be at least 1, got {self}")
         if self.heads < 1 or self.width % self.heads:
             raise ValueError(f"heads must divide width, got width={self.width} and heads={self.heads}")
 

@@ -12,6 +12,7 @@ import pytest
 from t2tl_jax.agents.ppo import Batch, PPOConfig, make_ppo, noise_correlation, ppo_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
+from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.probe import ProbeEnv
@@ -118,8 +119,10 @@ def test_probe_is_solved_by_reading_the_formula(learner):
 
 
 @pytest.mark.slow
-def test_one_hot_code_solves_the_probe_too(env):
-    agent = make_ppo(env, dataclasses.replace(NETWORK, task_encoder="one_hot"), PPO, episode_length=20, iterations=60)
+@pytest.mark.parametrize("task_encoder", ["one_hot", "rgcn", "gru"])
+def test_other_task_encoders_solve_the_probe_too(env, task_encoder):
+    network = dataclasses.replace(NETWORK, task_encoder=task_encoder, gru=GRUConfig(width=16, output=8))
+    agent = make_ppo(env, network, PPO, episode_length=20, iterations=60)
     state = jax.jit(agent.init)(jax.random.key(0))
     iterate = jax.jit(agent.iterate)
     for _ in range(60):

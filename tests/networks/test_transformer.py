@@ -1,6 +1,5 @@
 """The Transformer: published size, what masking and positions promise, attention on request."""
 
-import dataclasses
 from functools import partial
 
 import chex
@@ -11,7 +10,7 @@ import pytest
 
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.task_encoders import OneHotTaskEncoder, TransformerTaskEncoder, attention_weights
+from t2tl_jax.networks.task_encoders import TransformerTaskEncoder, attention_weights
 from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig, sinusoidal_positions
 
 PUBLISHED = TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True)
@@ -92,18 +91,3 @@ def test_attention_weights_are_distributions_over_real_tokens():
     np.testing.assert_allclose(weights.sum(-1), 1.0, atol=1e-5)
     padding = ~np.asarray(table.mask)[None, :, None, None, :]
     assert np.abs(np.where(padding, weights, 0.0)).max() == 0.0
-
-
-def test_sizes_are_checked():
-    with pytest.raises(ValueError, match="heads must divide width"):
-        TransformerConfig(width=60)
-    with pytest.raises(ValueError, match="one_hot_size"):
-        table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one")
-        config = dataclasses.replace(NetworkConfig(), task_encoder="one_hot", one_hot_size=2)
-        ActorCritic(config, 2).init(jax.random.key(0), table, jnp.zeros(76), jnp.int32(2), method="initialise")
-
-
-def test_one_hot_code_numbers_the_open_rows():
-    table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one")
-    code = OneHotTaskEncoder(4).apply({}, table)
-    np.testing.assert_array_equal(code, [[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]])

@@ -1,0 +1,42 @@
+"""A recurrent network that reads the formula from left to right: the plainest reader of sequences, to compare with."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.initializers import unit_norm
+
+
+@dataclass(frozen=True)
+class GRUConfig:
+    """Sizes of the recurrent network."""
+
+    width: int = 64
+    """Size of a token's vector and of the recurrent state."""
+    output: int = 16
+    """Size of the encoded task."""
+
+    def __post_init__(self) -> None:
+        if min(self.width, self.output) < 1:
+            raise ValueError(f"sizes of the recurrent network must be at least 1, got {self}")
+
+
+class GRUTaskEncoder(nn.Module):
+    """The formula's tokens, read by a GRU; its state after the last real token is the code."""
+
+    config: GRUConfig
+
+    @nn.compact
+    def __call__(self, table: TaskTable) -> jax.Array:
+        """float32[rows, config.output], in (-1, 1)."""
+        config = self.config
+        embed = nn.Embed(
+            table.vocabulary_size, config.width, embedding_init=nn.initializers.normal(1.0), name="word_embedding"
+        )
+        # Padding is on the right, so the state after as many steps as there are tokens has seen no padding.
+        reader = nn.RNN(nn.GRUCell(config.width, name="cell"), return_carry=True)
+        state, _ = reader(embed(table.tokens), seq_lengths=table.mask.sum(axis=-1))
+        return jnp.tanh(nn.Dense(config.output, kernel_init=unit_norm(), name="output")(state))
