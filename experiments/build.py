@@ -7,6 +7,7 @@ import jax
 
 from envs import registry
 from envs.base import LabelledEnv
+from envs.waterworld import WaterWorldConfig
 from experiments.configs import Config
 from experiments.errors import UserError
 from t2tl_jax.agent import Agent
@@ -16,6 +17,7 @@ from t2tl_jax.ltl import TaskTable, compile_named
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.seeds import parse_seeds
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ def build(config: Config) -> Experiment:
     """
     try:
         env = registry.make(config.env)
+        _check_maps(config)
         table = make_table(config, env)
         iterations = -(-config.frames // config.learner.frames_per_iteration)
 
@@ -58,6 +61,18 @@ def build(config: Config) -> Experiment:
         return Experiment(TaskEnv(env, table), agent, iterations, texts, member)
     except ValueError as error:
         raise UserError(str(error)) from error
+
+
+def _check_maps(config: Config) -> None:
+    """Every seed must have its map where maps go by seed; traced numbers cannot be checked later."""
+    env = config.env
+    if isinstance(env, WaterWorldConfig) and env.layout == "by_seed":
+        largest = max(parse_seeds(config.seeds))
+        if largest >= env.pool_size:
+            raise ValueError(
+                f"seed {largest} trains on map {largest}, but the pool holds the maps 0 to {env.pool_size - 1}; "
+                f"set env.pool_size to {largest + 1} or more, or env.layout to fixed"
+            )
 
 
 def make_table(config: Config, env: LabelledEnv) -> TaskTable:

@@ -154,9 +154,9 @@ _PUBLISHED = Config(
 )
 
 _WATERWORLD = Config(
-    env=WaterWorldConfig(),
+    env=WaterWorldConfig(layout="by_seed"),
     task="phi_water",
-    network=QNetworkConfig(),
+    network=QNetworkConfig(head="bilinear", task_layer=512),
     ppo=None,
     dqn=DQNConfig(),
     frames=5_000_000,
@@ -164,24 +164,27 @@ _WATERWORLD = Config(
 )
 
 # The reward-machine experiments of JAIR 2022 in their own world: one environment, one update after every step. Their
-# learning rate was 1e-5; seed i runs on map i, so name the seeds 1,2,...,10.
+# learning rate was 1e-5. Seed i runs on map i, and the published maps are 1 to 10.
+_RM_DQN = DQNConfig(
+    num_envs=1,
+    steps_per_iteration=2000,
+    batch_size=32,
+    buffer_size=50_000,
+    learning_starts=1000,
+    target_period=100,
+    discount=0.9,
+    learning_rate=1e-4,
+    anneal_learning_rate=False,
+    epsilon_end=0.01,
+    epsilon_fraction=0.1,
+)
+
 _RM_WATER = Config(
     env=WaterWorldConfig(colours=waterworld.LETTERS, layout="by_seed", delay=1),
     task="rm_water_published",
-    network=QNetworkConfig(task_encoder="one_hot", one_hot_size=77),
+    network=QNetworkConfig(task_encoder="one_hot", one_hot_size=77, head="bilinear", task_layer=512),
     ppo=None,
-    dqn=DQNConfig(
-        num_envs=1,
-        steps_per_iteration=2000,
-        batch_size=32,
-        buffer_size=50_000,
-        learning_starts=1000,
-        target_period=100,
-        discount=0.9,
-        learning_rate=1e-4,
-        epsilon_end=0.01,
-        epsilon_fraction=0.1,
-    ),
+    dqn=_RM_DQN,
     frames=2_000_000,
     seeds="1,2,3,4,5,6,7,8,9,10",
     episode_length=waterworld.EPISODE_LENGTH,
@@ -227,6 +230,14 @@ CONFIGS: dict[str, tuple[Config, str]] = {
     "waterworld_dfa": (
         replace(_WATERWORLD, network=QNetworkConfig(task_encoder="one_hot"), dqn=DQNConfig(simultaneous=False)),
         "the DFA baseline: as waterworld_crm, but every step teaches only the sub-task that the agent was in",
+    ),
+    "rm_water_crm": (
+        _RM_WATER,
+        "reward-machine benchmark: ten tasks, one update per step for every state (crm); seeds 1 to 10 are its maps",
+    ),
+    "rm_water_ql": (
+        replace(_RM_WATER, dqn=replace(_RM_DQN, simultaneous=False, timeout_is_terminal=True)),
+        "the same, but every step teaches only the machine's own state (ql)",
     ),
 }
 """Configuration and one line about it, by name."""

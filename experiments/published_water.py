@@ -1,6 +1,6 @@
 """Published figures of the reward-machine experiments in WaterWorld (Toro Icarte et al., JAIR 2022), ten tasks.
 
-Recomputed from the authors' published episode logs: mean and sample standard deviation over maps 1 to 10 and two repeats.
+Recomputed from the published episode logs: mean and sample standard deviation over maps 1 to 10 and two repeats.
 """
 
 BEST_STEPS = {
@@ -17,8 +17,8 @@ BEST_STEPS = {
 }
 """Fewest steps in which any of the authors' methods carried out task t1 to t10, by map. The best score is 1/steps."""
 
-STEPS = (50_000, 100_000, 200_000, 400_000, 600_000, 800_000, 1_000_000, 1_200_000, 1_400_000, 1_600_000, 1_800_000)
-STEPS += (2_000_000,)
+STEPS = tuple(1000 * k for k in (50, 100, 200, 400, 600, 800, 1000, 1200, 1400, 1600, 1800, 2000))
+"""Environment steps at which the published curves were sampled."""
 
 SCORES = {
     "ql": (

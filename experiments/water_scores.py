@@ -61,8 +61,8 @@ def _main(texts: list[str]) -> int:
             spread = f"±{at.std(ddof=1):.3f}" if len(at) > 1 else ""
             cells.append(f"{at.mean():.3f}{spread}" if len(at) else "")
         print(f"{str(path)[-44:]:44} " + " ".join(f"{cell:>10}" for cell in cells) + f"   ({len(curves)} maps)")
-    for name, (mean, spread) in published_water.SCORES.items():
-        cells = [f"{m:.3f}±{s:.3f}" for m, s in zip(mean, spread, strict=True)]
+    for name, (means, deviations) in published_water.SCORES.items():
+        cells = [f"{m:.3f}±{s:.3f}" for m, s in zip(means, deviations, strict=True)]
         print(f"{'published ' + name:44} " + " ".join(f"{cell:>10}" for cell in cells) + "   (10 maps x 2)")
     return 0
 

@@ -47,8 +47,10 @@ class DQNConfig:
     """Gradient steps between copies to the target network."""
     discount: float = 0.98
     """Discount factor gamma."""
-    learning_rate: float = 3e-4
+    learning_rate: float = 1e-4
     """Step size of Adam."""
+    anneal_learning_rate: bool = True
+    """Decay the learning rate linearly to zero over the run."""
     max_gradient_norm: float = 10.0
     """Global norm at which gradients are clipped."""
     epsilon_start: float = 1.0
@@ -102,6 +104,7 @@ class DQNState:
 
     params: Params
     target_params: Params
+    target_embedding: jax.Array  # float32[rows, dim], the rows encoded by the target network
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
     buffer: Any  # flashbax's state
@@ -136,16 +139,25 @@ def targets(
 
 
 def dqn_loss(
-    config: DQNConfig, network: QNetwork, table: TaskTable, params: Params, target_params: Params, batch: Transition
+    config: DQNConfig,
+    network: QNetwork,
+    table: TaskTable,
+    params: Params,
+    embedding: jax.Array,
+    target_params: Params,
+    target_embedding: jax.Array,
+    batch: Transition,
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
-    """Huber loss of the TD errors, averaged over transitions and over the rows that learn."""
+    """Huber loss of the TD errors, averaged over transitions and over the rows that learn.
+
+    `embedding` is what `params` make of the table's rows, float32[rows, dim], `target_embedding` likewise.
+    """
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
-    embedding = apply(params, table, method="embed")
     # s and s' go through the online network together: half as many kernels, and these batches are bound by latency.
     both = apply(params, jnp.concatenate([batch.obs, batch.next_obs]), embedding, method="every_row")
     q, online = jnp.split(both, 2)  # [B, rows, A]
     taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows]
-    target = apply(target_params, batch.next_obs, apply(target_params, table, method="embed"), method="every_row")
+    target = apply(target_params, batch.next_obs, target_embedding, method="every_row")
     goal = jax.lax.stop_gradient(targets(config, table, online, target, batch.letter, batch.cut))
 
     learns = table.is_open[None, :] & (config.simultaneous | (jnp.arange(table.num_rows) == batch.row[:, None]))
@@ -163,7 +175,13 @@ def make_dqn(
     table, num_actions = env.table, env.num_actions
     network = QNetwork(network_config, num_actions)
     apply: Callable[..., Any] = network.apply  # as in dqn_loss
-    optimizer = optax.chain(optax.clip_by_global_norm(config.max_gradient_norm), optax.adam(config.learning_rate))
+    gradient_steps = iterations * config.steps_per_iteration * config.updates_per_step
+    learning_rate = (
+        optax.linear_schedule(config.learning_rate, 0.0, gradient_steps)
+        if config.anneal_learning_rate
+        else config.learning_rate
+    )
+    optimizer = optax.chain(optax.clip_by_global_norm(config.max_gradient_norm), optax.adam(learning_rate))
     replay = flashbax.make_item_buffer(
         config.buffer_size, min_length=1, sample_batch_size=config.batch_size, add_batches=True
     )
@@ -198,6 +216,7 @@ def make_dqn(
         return DQNState(
             params=params,
             target_params=params,
+            target_embedding=embed(params),
             opt_state=optimizer.init(params),
             episodes=episodes,
             buffer=replay.init(blank),
@@ -207,11 +226,11 @@ def make_dqn(
             best_score=jnp.float32(-jnp.inf),
         )
 
-    def interact(state: DQNState, step: jax.Array, key: jax.Array) -> tuple[DQNState, Outcome]:
+    def interact(state: DQNState, embedding: jax.Array, step: jax.Array, key: jax.Array) -> tuple[DQNState, Outcome]:
         """One step of all environments, stored."""
         act_key, reset_key = jax.random.split(key)
         obs, row = state.episodes.state.obs, state.episodes.state.pipeline_state.row
-        action = choose(state.params, embed(state.params), obs, row, act_key, epsilon(config, step / total_steps))
+        action = choose(state.params, embedding, obs, row, act_key, epsilon(config, step / total_steps))
         outcome: Outcome
         episodes, outcome = jax.vmap(advance, (None, 0, 0, 0, None, None))(
             env, state.episodes, action, jax.random.split(reset_key, config.num_envs), episode_length, config.discount
@@ -219,24 +238,38 @@ def make_dqn(
         stored = Transition(obs, action, outcome.next_obs, row, outcome.letter, outcome.truncated)
         return replace(state, episodes=episodes, buffer=replay.add(state.buffer, stored)), outcome
 
-    def update(state: DQNState, count: jax.Array, ready: jax.Array, key: jax.Array):
-        """One gradient step on a sampled batch; `count` is its number, from which the target's copies are timed.
+    def encode(state: DQNState, count: jax.Array) -> tuple[DQNState, jax.Array, Callable]:
+        """The rows of the table, encoded once for acting, learning and the target's copy, which comes every so often.
+
+        Also returns the way back from a gradient of the embedding to one of the parameters.
+        """
+        embedding, pullback = jax.vjp(embed, state.params)
+        target_params, target_embedding = optax.periodic_update(
+            (state.params, embedding), (state.target_params, state.target_embedding), count, config.target_period
+        )
+        return replace(state, target_params=target_params, target_embedding=target_embedding), embedding, pullback
+
+    def update(state: DQNState, embedding: jax.Array, pullback: Callable, ready: jax.Array, key: jax.Array):
+        """One gradient step on a sampled batch.
 
         Until it is `ready` nothing moves. To choose between old and new parameters would read and write all of them at
         every step; with gradients of zero Adam's moments and the parameters stay what they were, and only its counter
         has to be held.
         """
         batch = replay.sample(state.buffer, key).experience
-        loss = partial(dqn_loss, config, network, table)
-        gradient, scalars = jax.grad(loss, has_aux=True)(state.params, state.target_params, batch)
+
+        def loss(params: Params, embedding: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
+            target = state.target_params, state.target_embedding
+            return dqn_loss(config, network, table, params, embedding, *target, batch)
+
+        (direct, by_embedding), scalars = jax.grad(loss, argnums=(0, 1), has_aux=True)(state.params, embedding)
+        gradient = optax.tree.add(direct, pullback(by_embedding)[0])
         gradient = jax.tree.map(lambda x: jnp.where(ready, x, 0.0), gradient)
         updates, opt_state = optimizer.update(gradient, state.opt_state, state.params)
         opt_state = jax.tree.map(
             lambda new, old: jnp.where(ready, new, old) if new.ndim == 0 else new, opt_state, state.opt_state
         )
-        params = optax.apply_updates(state.params, updates)
-        target_params = optax.periodic_update(params, state.target_params, count, config.target_period)
-        return replace(state, params=params, target_params=target_params, opt_state=opt_state), scalars
+        return replace(state, params=optax.apply_updates(state.params, updates), opt_state=opt_state), scalars
 
     def iterate(state: DQNState) -> tuple[DQNState, Metrics]:
         key, scan_key = jax.random.split(state.key)
@@ -245,14 +278,18 @@ def make_dqn(
         def one_step(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
             step, key = inputs
             act_key, *update_keys = jax.random.split(key, 1 + config.updates_per_step)
+            count = step * config.updates_per_step  # of gradient steps, from which the target's copies are timed
+            state, embedding, pullback = encode(state, count)
 
             # ACT
-            state, outcome = interact(state, step, act_key)
+            state, outcome = interact(state, embedding, step, act_key)
 
             # UPDATE
             ready = (step + 1) * config.num_envs > config.learning_starts
             for i, update_key in enumerate(update_keys):
-                state, scalars = update(state, step * config.updates_per_step + i, ready, update_key)
+                if i > 0:
+                    state, embedding, pullback = encode(state, count + i)
+                state, scalars = update(state, embedding, pullback, ready, update_key)
             return state, (outcome.totals, outcome.task, outcome.score, scalars)
 
         steps = first + jnp.arange(config.steps_per_iteration)

@@ -31,6 +31,7 @@ DQN = DQNConfig(
     target_period=20,
     discount=0.9,
     learning_rate=3e-3,
+    anneal_learning_rate=False,
     epsilon_fraction=0.5,
 )
 TASK = "!Down U (Up & F(Down & F Up))"
@@ -98,7 +99,7 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
 
     def loss(simultaneous):
         config = dataclasses.replace(DQN, simultaneous=simultaneous)
-        return dqn_loss(config, network, table, params, params, batch)[0]
+        return dqn_loss(config, network, table, params, embedding, params, embedding, batch)[0]
 
     assert loss(True) == pytest.approx(huber[:, np.asarray(table.verdict) == 0].mean(), rel=1e-4)
     assert loss(False) == pytest.approx(huber[:, 3].mean(), rel=1e-4)

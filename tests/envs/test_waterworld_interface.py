@@ -11,7 +11,7 @@ from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWr
 from envs.base import LabelledEnv
 from envs.registry import CONFIGS, make
 from envs.waterworld import COLOURS, EPISODE_LENGTH, LETTERS, WaterWorld, WaterWorldConfig
-from t2tl_jax.ltl import WATER_PROPOSITIONS, compile_tasks, named_task
+from t2tl_jax.ltl import WATER_PROPOSITIONS, compile_reward_machines, compile_tasks, named_machines, named_task
 from t2tl_jax.task_env import TaskEnv
 
 BATCH = 8
@@ -145,6 +145,37 @@ def test_random_play_of_the_original_single_task():
     # The standard error of the mean length over 10,000 episodes is 0.4; the published number has one of its own.
     assert abs(np.mean(lengths) - 41.0) < 2.0
     assert abs((np.concatenate(verdicts) > 0).mean() - 0.0028) < 0.002
+
+
+@pytest.mark.slow
+def test_random_play_of_the_ten_published_tasks():
+    """Share of random episodes that are paid, by task, and their length over maps 1 to 10 (the original: 1,200)."""
+    water = WaterWorld(WaterWorldConfig(colours=LETTERS, layout="by_seed", pool_size=11, delay=1))
+    table = compile_reward_machines(named_machines("rm_water_published"), water.propositions)
+    per_map = 600
+
+    def episode(number, key, turn):
+        env = TaskEnv(water.for_seed(number), table)
+
+        def step(carry, key):
+            state, length, total = carry
+            after, alive = env.step(state, jax.random.randint(key, (), 0, 5)), state.done == 0
+            state = jax.tree.map(lambda new, old: jnp.where(alive, new, old), after, state)
+            return (state, length + alive, total + alive * after.reward), None
+
+        reset_key, action_key = jax.random.split(key)
+        start = (env.reset(reset_key, turn), jnp.int32(0), jnp.float32(0))
+        return jax.lax.scan(step, start, jax.random.split(action_key, EPISODE_LENGTH))[0][1:]
+
+    numbers, turns = jnp.repeat(jnp.arange(1, 11), per_map), jnp.arange(10 * per_map)
+    lengths, total = jax.jit(jax.vmap(episode))(numbers, jax.random.split(jax.random.key(0), 10 * per_map), turns)
+    paid = np.asarray(total).reshape(-1, 10).mean(axis=0)
+    published = np.array([0.90, 0.89, 0.93, 0.79, 0.80, 0.80, 0.68, 0.52, 0.02, 0.03])
+    # 600 episodes here and 120 there for every task: 4 standard errors of the difference.
+    error = np.sqrt(published * (1 - published) * (1 / per_map + 1 / 120))
+    np.testing.assert_array_less(np.abs(paid - published), 4 * error)
+    assert abs(paid.mean() - 0.634) < 4 * np.sqrt(0.634 * 0.366 / 1200)
+    assert abs(lengths.mean() - 318) < 25
 
 
 def _play_randomly(env, episodes, seed=0):

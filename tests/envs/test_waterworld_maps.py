@@ -149,3 +149,11 @@ def test_errors_say_what_is_wrong(changes, message, monkeypatch):
     monkeypatch.setattr("envs.waterworld_maps.RESTARTS", 1)
     with pytest.raises(ValueError, match=message):
         WaterWorld(WaterWorldConfig(**changes))
+
+
+def test_maps_by_seed_are_the_numbered_maps():
+    env = WaterWorld(WaterWorldConfig(colours=LETTERS, layout="by_seed", pool_size=12, delay=1))
+    states = jax.jit(jax.vmap(lambda seed: env.for_seed(seed).reset(jax.random.key(0))))(jnp.array([3, 10]))
+    for index, number in enumerate((3, 10)):
+        alone = make(f"Water-M{number}-v0").reset(jax.random.key(1))
+        np.testing.assert_array_equal(states.obs[index], alone.obs)

@@ -28,6 +28,7 @@ SMALL_LEARNER = {
     "waterworld_dqn": (
         *("--dqn.num-envs", "8", "--dqn.steps-per-iteration", "32", "--dqn.batch-size", "16"),
         *("--dqn.buffer-size", "512", "--dqn.learning-starts", "64", "--dqn.epsilon-start", "0.02"),
+        *("--dqn.anneal-learning-rate", "False"),
         *("--network.state-layers", "16", "--network.task-layer", "16"),
     ),
 }

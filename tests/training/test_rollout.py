@@ -7,7 +7,7 @@ import pytest
 
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.episodes import advance, begin
+from t2tl_jax.training.episodes import advance, begin, by_task
 from t2tl_jax.training.rollout import generalised_advantages, rollout
 from tests.probe import ProbeEnv
 
@@ -103,3 +103,21 @@ def test_rollout_totals_are_sums_over_finished_episodes(env):
     assert totals.episodes == totals.successes == 4 * 5  # two steps each
     assert totals.length == totals.success_length == 40
     assert transitions.terminated.sum() == 20
+
+
+def test_tasks_take_turns_and_have_scores_of_their_own():
+    probe = ProbeEnv()
+    table = compile_tasks(["F Up", "F(Up & F Down)"], probe.propositions, probe.alphabet)
+    env = TaskEnv(probe, table)
+    episode, seen = begin(env, jax.random.key(0), 10, turn=1), []
+    for _ in range(4):  # up, down, up, down: the second task takes both, the first only one step
+        for action in (1.0, -1.0):
+            episode, outcome = advance(env, episode, jnp.array([action]), jax.random.key(1), 10, DISCOUNT)
+            seen.append(outcome)
+    tasks = [int(outcome.task) for outcome in seen]
+    assert tasks == [1, 1, 0, 1, 1, 1, 0, 1]  # the whole task again from "down" on: F(Up & F Down) waits for an "up"
+    outcomes = jax.tree.map(lambda *x: jnp.stack(x), *seen)
+    apart = by_task(outcomes.totals, outcomes.task, outcomes.score, 2)
+    assert apart["episodes_1"] == 2 and apart["score_1"] == apart["best_score_1"] == 1.0
+    assert apart["episodes_2"] == 2
+    np.testing.assert_allclose([apart["score_2"], apart["best_score_2"]], [(1 / 2 + 1 / 3) / 2, 1 / 2])
