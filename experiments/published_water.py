@@ -1,6 +1,7 @@
-"""Published figures of the reward-machine experiments in WaterWorld (Toro Icarte et al., JAIR 2022), ten tasks.
+"""Published figures in WaterWorld: the ten tasks of the reward-machine paper (JAIR 2022), and T2TL's `phi_water`.
 
-Recomputed from the published episode logs: mean and sample standard deviation over maps 1 to 10 and two repeats.
+Those of the ten tasks were recomputed from the published episode logs: mean and sample standard deviation over maps 1 to
+10 and two repeats. Those of T2TL were read off a picture to about 0.02.
 """
 
 BEST_STEPS = {
@@ -34,3 +35,16 @@ SCORES = {
 
 HOURS = {"ql": 3.1, "crm": 21.4}
 """Median hours for two million steps in the authors' logs (hardware not published)."""
+
+EPISODES = (500, 1000, 1500, 2000, 2500, 3000, 4000, 5000, 6000, 6500, 7000, 7500)
+"""Episodes at which the picture of `phi_water` was read."""
+
+PHI_WATER = {
+    "DFA": (-0.96, -0.82, -0.66, -0.60, -0.50, -0.39, -0.27, -0.27, -0.19, -0.20, -0.14, -0.09),
+    "DFA_cont": (-0.97, -0.86, -0.79, -0.73, -0.64, -0.54, -0.38, -0.23, -0.12, -0.18, -0.11, -0.04),
+    "RM": (-0.96, -0.72, -0.57, -0.43, -0.37, -0.24, -0.21, -0.15, -0.15, -0.12, -0.13, -0.07),
+    "GNN_pre": (-0.89, -0.69, -0.50, -0.41, -0.29, -0.24, -0.18, -0.09, -0.09, -0.11, -0.12, -0.17),
+    "T1TL_pre": (-0.91, -0.64, -0.43, -0.29, -0.22, -0.12, -0.08, -0.02, -0.03, 0.07, 0.04, 0.03),
+    "T2TL_pre": (-0.91, -0.65, -0.44, -0.33, -0.24, -0.17, -0.10, -0.04, 0.03, 0.03, 0.08, 0.09),
+}
+""""Performance" after ``EPISODES`` episodes, 12 seeds; what exactly was averaged is not published."""

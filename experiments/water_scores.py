@@ -1,24 +1,28 @@
-"""The reward-machine benchmark's metric for one or more runs: ``python -m experiments.water_scores RUN [RUN ...]``.
+"""Runs in WaterWorld beside the published curves: ``python -m experiments.water_scores RUN [RUN ...]``.
 
-Prints the normalised score of every run beside the published curves. Seeds are map numbers (``--env.layout by_seed``).
+For the ten tasks of the reward-machine benchmark, whose seeds are map numbers (``--env.layout by_seed``), that is the
+normalised score by environment step; for other tasks the return by episode, beside T2TL's `phi_water`.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import tyro
 
+from experiments import published_water
 from experiments.errors import UserError, guarded
+from t2tl_jax.evaluation.scores import best_scores, normalised_scores, return_by_episode
 
 
 @dataclass(frozen=True)
 class Arguments:
-    """Normalised scores of runs on the ten tasks of the reward-machine benchmark, beside the published ones."""
+    """Learning curves of WaterWorld runs as tables, beside the published ones."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of runs; the best episode of any of them counts for the normalisation of all."""
+    """Folders of runs, all of the ten tasks or none; their best episodes count for the normalisation of all."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,44 +31,68 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: list[str]) -> int:
-    import numpy as np
-
-    from experiments import published_water, run_folder
+    from experiments import run_folder
     from experiments.command_line import parse
-    from t2tl_jax.evaluation.scores import best_scores, normalised_scores
     from t2tl_jax.training.metrics_file import MetricsFileError, read_columns
 
     arguments = parse(Arguments, texts, prog="python -m experiments.water_scores", description=Arguments.__doc__)
     if not arguments.runs:
         raise UserError("name at least one run folder")
-    best = {number: 1.0 / np.array(steps) for number, steps in published_water.BEST_STEPS.items()}
     tables = {}
     for path in arguments.runs:
         folder, _ = run_folder.open_existing(path)
         try:
-            tables[path] = columns = read_columns(folder.metrics)
+            tables[str(path)] = read_columns(folder.metrics)
         except MetricsFileError as error:
             raise UserError(str(error)) from error
-        if "best_score_10" not in columns:
-            raise UserError(f"{path} did not train on the ten tasks (--task rm_water_published)")
+    ten_tasks = [path for path, columns in tables.items() if "best_score_10" in columns]
+    if ten_tasks and len(ten_tasks) < len(tables):
+        raise UserError(f"only {', '.join(ten_tasks)} trained on the ten tasks; give runs of one kind")
+    for line in _normalised(tables) if ten_tasks else _by_episode(tables):
+        print(line)
+    return 0
+
+
+def _normalised(tables: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[str]:
+    """Normalised score of each run at the published numbers of steps, mean and standard deviation over maps."""
+    best = {number: 1.0 / np.array(steps) for number, steps in published_water.BEST_STEPS.items()}
+    for path, columns in tables.items():
         for number, own in best_scores(columns, 10).items():
             if number not in best:
                 raise UserError(f"{path} has seed {number}, but only the maps 1 to 10 have published scores")
             best[number] = np.maximum(best[number], own)
-
-    print(f"{'run':44} " + " ".join(f"{steps // 1000:>9}k" for steps in published_water.STEPS))
+    yield _line("normalised score after steps", [f"{steps // 1000}k" for steps in published_water.STEPS])
     for path, columns in tables.items():
         curves = [normalised_scores(columns, number, best[number]) for number in np.unique(columns["seed"]).astype(int)]
         cells = []
         for steps in published_water.STEPS:
-            at = np.array([score[np.searchsorted(x, steps, side="right") - 1] for x, score in curves if x[-1] >= steps])
-            spread = f"±{at.std(ddof=1):.3f}" if len(at) > 1 else ""
-            cells.append(f"{at.mean():.3f}{spread}" if len(at) else "")
-        print(f"{str(path)[-44:]:44} " + " ".join(f"{cell:>10}" for cell in cells) + f"   ({len(curves)} maps)")
+            at = [score[np.searchsorted(x, steps, side="right") - 1] for x, score in curves if x[-1] >= steps]
+            cells.append(_mean_and_deviation(np.array(at)))
+        yield _line(path, cells) + f"   ({len(curves)} maps)"
     for name, (means, deviations) in published_water.SCORES.items():
-        cells = [f"{m:.3f}±{s:.3f}" for m, s in zip(means, deviations, strict=True)]
-        print(f"{'published ' + name:44} " + " ".join(f"{cell:>10}" for cell in cells) + "   (10 maps x 2)")
-    return 0
+        cells = [f"{mean:.3f}±{deviation:.3f}" for mean, deviation in zip(means, deviations, strict=True)]
+        yield _line(f"published {name}", cells) + "   (10 maps x 2)"
+
+
+def _by_episode(tables: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[str]:
+    """Return of the last 500 episodes of each run at the published episodes, mean and standard deviation over seeds."""
+    yield _line("return of the last 500 episodes at", list(map(str, published_water.EPISODES)))
+    for path, columns in tables.items():
+        seeds = np.unique(columns["seed"]).astype(int)
+        curves = np.array([return_by_episode(columns, seed, published_water.EPISODES) for seed in seeds])
+        yield _line(path, [_mean_and_deviation(at[np.isfinite(at)]) for at in curves.T]) + f"   ({len(seeds)} seeds)"
+    for name, values in published_water.PHI_WATER.items():
+        yield _line(f"published {name} (phi_water)", [f"{value:.2f}" for value in values])
+
+
+def _mean_and_deviation(values: np.ndarray) -> str:
+    if not len(values):
+        return ""
+    return f"{values.mean():.3f}" + (f"±{values.std(ddof=1):.3f}" if len(values) > 1 else "")
+
+
+def _line(name: str, cells: Sequence[str]) -> str:
+    return f"{name[-44:]:44} " + " ".join(f"{cell:>12}" for cell in cells)
 
 
 if __name__ == "__main__":

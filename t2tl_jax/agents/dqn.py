@@ -120,6 +120,27 @@ def epsilon(config: DQNConfig, progress: jax.Array) -> jax.Array:
     return config.epsilon_start + share * (config.epsilon_end - config.epsilon_start)
 
 
+def bellman(
+    config: DQNConfig,
+    table: TaskTable,
+    next_row: jax.Array,
+    reward: jax.Array,
+    chooser: jax.Array,
+    target: jax.Array,
+    cut: jax.Array,
+) -> jax.Array:
+    """Regression targets, float32[B, R], for R rows of every transition.
+
+    next_row, reward: where each row's formula goes and what that pays, [B, R]; chooser, target: Q at s' that choose the
+    action and value it, float32[B, R, actions]; cut: bool[B].
+    """
+    value = jnp.take_along_axis(target, chooser.argmax(axis=-1, keepdims=True), axis=-1)[..., 0]
+    ended = table.verdict[next_row] != 0
+    if config.timeout_is_terminal:
+        ended = ended | cut[:, None]
+    return reward + config.discount * jnp.where(ended, 0.0, value)
+
+
 def targets(
     config: DQNConfig, table: TaskTable, online: jax.Array, target: jax.Array, letter: jax.Array, cut: jax.Array
 ) -> jax.Array:
@@ -130,12 +151,8 @@ def targets(
     next_row, reward = (x.T for x in table.step_all(letter))  # [B, rows]
     at_next = partial(jnp.take_along_axis, indices=next_row[..., None], axis=1)  # [B, rows, A], row u reads row u'
     chooser = online if config.double else target
-    action = (chooser if config.printed_argmax else at_next(chooser)).argmax(axis=-1)
-    value = jnp.take_along_axis(at_next(target), action[..., None], axis=-1)[..., 0]
-    ended = table.verdict[next_row] != 0
-    if config.timeout_is_terminal:
-        ended = ended | cut[:, None]
-    return reward + config.discount * jnp.where(ended, 0.0, value)
+    chooser = chooser if config.printed_argmax else at_next(chooser)
+    return bellman(config, table, next_row, reward, chooser, at_next(target), cut)
 
 
 def dqn_loss(
@@ -148,20 +165,33 @@ def dqn_loss(
     target_embedding: jax.Array,
     batch: Transition,
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
-    """Huber loss of the TD errors, averaged over transitions and over the rows that learn.
+    """Huber loss of the TD errors, averaged over transitions and over the rows that learn: the open ones, or the own.
 
     `embedding` is what `params` make of the table's rows, float32[rows, dim], `target_embedding` likewise.
     """
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
-    # s and s' go through the online network together: half as many kernels, and these batches are bound by latency.
-    both = apply(params, jnp.concatenate([batch.obs, batch.next_obs]), embedding, method="every_row")
-    q, online = jnp.split(both, 2)  # [B, rows, A]
-    taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows]
-    target = apply(target_params, batch.next_obs, target_embedding, method="every_row")
-    goal = jax.lax.stop_gradient(targets(config, table, online, target, batch.letter, batch.cut))
+    if config.simultaneous:
+        # s and s' go through the online network together: half as many kernels, and small batches are bound by latency.
+        both = apply(params, jnp.concatenate([batch.obs, batch.next_obs]), embedding, method="every_row")
+        q, online = jnp.split(both, 2)  # [B, rows, A]
+        target = apply(target_params, batch.next_obs, target_embedding, method="every_row")
+        goal = targets(config, table, online, target, batch.letter, batch.cut)
+        learns = jnp.broadcast_to(table.is_open, goal.shape)
+    else:
+        next_row, reward = table.step(batch.row, batch.letter)  # [B]
+        q = apply(params, batch.obs, embedding, batch.row)[:, None]  # [B, 1, A]
+        target = apply(target_params, batch.next_obs, target_embedding, next_row)[:, None]
+        if config.double or config.printed_argmax:
+            which, coded = (params, embedding) if config.double else (target_params, target_embedding)
+            row = batch.row if config.printed_argmax else next_row
+            chooser = apply(which, batch.next_obs, coded, row)[:, None]
+        else:
+            chooser = target
+        goal = bellman(config, table, next_row[:, None], reward[:, None], chooser, target, batch.cut)
+        learns = jnp.ones_like(goal, bool)
 
-    learns = table.is_open[None, :] & (config.simultaneous | (jnp.arange(table.num_rows) == batch.row[:, None]))
-    error = taken - goal
+    taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows] or [B, 1]
+    error = taken - jax.lax.stop_gradient(goal)
     loss = jnp.mean(optax.losses.huber_loss(error), where=learns)
     return loss, {"loss": loss, "q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}
 
@@ -193,7 +223,8 @@ def make_dqn(
     def choose(
         params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, share: jax.Array | float
     ) -> jax.Array:
-        greedy = apply(params, obs, embedding[row]).argmax(axis=-1).astype(jnp.int32)
+        q = apply(params, obs.reshape(-1, obs.shape[-1]), embedding, row.reshape(-1))
+        greedy = q.argmax(axis=-1).astype(jnp.int32).reshape(row.shape)
         which_key, action_key = jax.random.split(key)
         random = jax.random.randint(action_key, greedy.shape, 0, num_actions)
         return jnp.where(jax.random.uniform(which_key, greedy.shape) < share, random, greedy)

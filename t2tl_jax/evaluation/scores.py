@@ -1,7 +1,7 @@
-"""The metric of the reward-machine experiments: return per step, relative to the best that was ever seen.
+"""Metrics of the WaterWorld publications, from the columns of a metrics file.
 
-An episode scores its return over its length; the score is divided by the best one of any method on the same map and
-task, and averaged over the last thousand episodes of a run.
+In the reward-machine experiments an episode scores its return over its length; the score is divided by the best one of
+any method on the same map and task, and averaged over the last thousand episodes. T2TL shows returns by episode.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,3 +42,28 @@ def normalised_scores(
     start = np.maximum(np.searchsorted(count, count[1:] - window, side="right") - 1, 0)
     ended = np.maximum(count[1:] - count[start], 1.0)
     return columns["frames"][of_seed], (total[1:] - total[start]) / ended
+
+
+def return_by_episode(
+    columns: Mapping[str, np.ndarray], seed: int, marks: Sequence[int], window: int = 500
+) -> np.ndarray:
+    """Average return (+1 success, -1 violation) of the last episodes at each mark, ``float[marks]``; NaN if not reached.
+
+    Args:
+        columns: of a metrics file.
+        seed: whose episodes.
+        marks: numbers of episodes since the start.
+        window: episodes in one average; whole iterations, as few as hold so many, or all before that many have ended.
+    """
+    of_seed = columns["seed"].astype(int) == seed
+    episodes = columns["episodes"][of_seed]
+    each = np.nan_to_num(columns["success_rate"][of_seed]) - np.nan_to_num(columns["violation_rate"][of_seed])
+    count = np.concatenate([[0.0], np.cumsum(episodes)])
+    total = np.concatenate([[0.0], np.cumsum(episodes * each)])
+    values = np.full(len(marks), np.nan)
+    for index, mark in enumerate(marks):
+        end = int(np.searchsorted(count, mark))
+        if end < len(count):
+            start = max(int(np.searchsorted(count, count[end] - window, side="right")) - 1, 0)
+            values[index] = (total[end] - total[start]) / (count[end] - count[start])
+    return values

@@ -85,14 +85,6 @@ class QNetwork(nn.Module):
             return advantage
         return state_value + advantage - advantage.mean(axis=-1, keepdims=True)
 
-    def __call__(self, obs: jax.Array, task: jax.Array) -> jax.Array:
-        """Q of one task for each state: obs [..., O], task [..., dim] -> [..., actions]."""
-        features = self.features(obs)
-        if self.config.head == "film":
-            return self.dueling(*self.film(features, task))
-        both = jnp.einsum("...d,...ad->...a", nn.relu(features), self.weights(task)) + self.offsets(task)
-        return self.dueling(both[..., 1:], both[..., :1])
-
     def every_row(self, obs: jax.Array, embedding: jax.Array) -> jax.Array:
         """Q of every row for each state: obs [B, O], embedding [rows, dim] -> [B, rows, actions]."""
         features = self.features(obs)
@@ -100,6 +92,13 @@ class QNetwork(nn.Module):
             return self.dueling(*self.film(features[:, None, :], embedding[None, :, :]))
         both = jnp.einsum("bd,rad->bra", nn.relu(features), self.weights(embedding)) + self.offsets(embedding)
         return self.dueling(both[..., 1:], both[..., :1])
+
+    def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array) -> jax.Array:
+        """Q of one row for each state: obs [B, O], embedding [rows, dim], row int32[B] -> [B, actions]."""
+        if self.config.head == "film":
+            return self.dueling(*self.film(self.features(obs), embedding[row]))
+        # Each row's weights are too large to gather for each state; to compute all rows is one matrix product.
+        return jnp.take_along_axis(self.every_row(obs, embedding), row[:, None, None], axis=1)[:, 0]
 
     def initialise(self, table: TaskTable, obs: jax.Array) -> jax.Array:
         """Touch every part once, so that `init(key, table, obs, method="initialise")` makes all parameters."""

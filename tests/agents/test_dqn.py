@@ -87,7 +87,7 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
         next_obs=jax.random.normal(keys[2], (size, 3)),
         row=jnp.full(size, 3),
         letter=jax.random.randint(keys[3], (size,), 0, table.next_row.shape[1]),
-        cut=jnp.zeros(size, bool),
+        cut=jnp.arange(size) % 3 == 0,
     )
     params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(1), table, batch.obs)
     embedding = network.apply(params, table, method="embed")
@@ -97,12 +97,18 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
     error = np.abs(np.asarray(q[np.arange(size), :, batch.action] - goal))
     huber = np.where(error < 1, 0.5 * error**2, error - 0.5)
 
-    def loss(simultaneous):
-        config = dataclasses.replace(DQN, simultaneous=simultaneous)
+    def loss(simultaneous, **changes):
+        config = dataclasses.replace(DQN, simultaneous=simultaneous, **changes)
         return dqn_loss(config, network, table, params, embedding, params, embedding, batch)[0]
 
     assert loss(True) == pytest.approx(huber[:, np.asarray(table.verdict) == 0].mean(), rel=1e-4)
     assert loss(False) == pytest.approx(huber[:, 3].mean(), rel=1e-4)
+    for switches in ({"printed_argmax": True}, {"double": False}, {"timeout_is_terminal": True}):
+        config = dataclasses.replace(DQN, **switches)
+        goal = targets(config, table, after, after, batch.letter, batch.cut)[:, 3]
+        error = np.abs(np.asarray(q[np.arange(size), 3, batch.action] - goal))
+        expected = np.where(error < 1, 0.5 * error**2, error - 0.5).mean()
+        assert loss(False, **switches) == pytest.approx(expected, rel=1e-4), switches
 
 
 @pytest.mark.parametrize("head", ["film", "bilinear"])
@@ -112,8 +118,8 @@ def test_one_row_at_a_time_equals_every_row(env, head):
     embedding = network.apply(params, env.table, method="embed")
     together = network.apply(params, obs, embedding, method="every_row")
     for row in range(env.table.num_rows):
-        task = jnp.broadcast_to(embedding[row], (5, embedding.shape[1]))
-        np.testing.assert_allclose(network.apply(params, obs, task), together[:, row], atol=1e-5)
+        one = network.apply(params, obs, embedding, jnp.full(5, row))
+        np.testing.assert_allclose(one, together[:, row], atol=1e-5)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from t2tl_jax.evaluation.scores import best_scores, normalised_scores
+from t2tl_jax.evaluation.scores import best_scores, normalised_scores, return_by_episode
 
 
 def test_scores_equal_an_average_over_single_episodes():
@@ -30,3 +30,13 @@ def test_scores_equal_an_average_over_single_episodes():
         assert curve[end] == np.mean(window) if not window else abs(curve[end] - np.mean(window)) < 1e-12
     every = [[score for episodes in iterations for task, score in episodes if task == k] for k in range(2)]
     np.testing.assert_allclose(best_scores(columns, 2)[7], [max(scores) for scores in every])
+
+
+def test_returns_by_episode_average_the_last_ones():
+    columns = {
+        "seed": np.zeros(4),
+        "episodes": np.array([10.0, 0.0, 10.0, 10.0]),
+        "success_rate": np.array([0.0, np.nan, 0.5, 1.0]),
+        "violation_rate": np.array([1.0, np.nan, 0.5, 0.0]),
+    }
+    np.testing.assert_allclose(return_by_episode(columns, 0, (10, 20, 30, 40), window=20), [-1.0, -0.5, 0.5, np.nan])
