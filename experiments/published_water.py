@@ -1,6 +1,6 @@
 """Published figures in WaterWorld: the ten tasks of the reward-machine paper (JAIR 2022), and T2TL's `phi_water`.
 
-Those of the ten tasks were recomputed from the published episode logs: mean and sample standard deviation over maps 1 to
+Those of the ten tasks were recomputed from the published episode logs: mean and standard deviation over maps 1 to
 10 and two repeats. Those of T2TL were read off a picture to about 0.02.
 """
 

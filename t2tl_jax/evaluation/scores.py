@@ -47,7 +47,7 @@ def normalised_scores(
 def return_by_episode(
     columns: Mapping[str, np.ndarray], seed: int, marks: Sequence[int], window: int = 500
 ) -> np.ndarray:
-    """Average return (+1 success, -1 violation) of the last episodes at each mark, ``float[marks]``; NaN if not reached.
+    """Average return (+1 success, -1 violation) of the last episodes at each mark, ``float[marks]``; NaN later.
 
     Args:
         columns: of a metrics file.
