@@ -3,10 +3,11 @@
 import difflib
 
 from envs.base import LabelledEnv
+from envs.single_state import SingleState, SingleStateConfig
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
 from envs.zones import ZoneConfig, ZoneEnv
 
-EnvConfig = ZoneConfig | WaterWorldConfig
+EnvConfig = ZoneConfig | WaterWorldConfig | SingleStateConfig
 """Configurations of the environments that are registered here."""
 
 CONFIGS: dict[str, EnvConfig] = {
@@ -16,6 +17,7 @@ CONFIGS: dict[str, EnvConfig] = {
     "WaterWorld-random": WaterWorldConfig(layout="random"),
     # The original's worlds: six colours, labels one step late.
     **{f"Water-M{i}-v0": WaterWorldConfig(colours=LETTERS, map_number=i, delay=1) for i in range(11)},
+    "SingleState": SingleStateConfig(),
 }
 """Configurations by name: ``Zones-*`` and ``Water-M*`` are the published names."""
 
@@ -30,6 +32,8 @@ def make(name_or_config: str | EnvConfig) -> LabelledEnv:
         return ZoneEnv(name_or_config)
     if isinstance(name_or_config, WaterWorldConfig):
         return WaterWorld(name_or_config)
+    if isinstance(name_or_config, SingleStateConfig):
+        return SingleState(name_or_config)
     if name_or_config not in CONFIGS:
         near = difflib.get_close_matches(name_or_config, CONFIGS, n=1, cutoff=0.0)
         raise ValueError(

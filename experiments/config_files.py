@@ -8,6 +8,7 @@ from typing import Any
 import cattrs
 
 from envs.registry import EnvConfig
+from envs.single_state import SingleStateConfig
 from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
 from experiments.configs import Config
@@ -19,7 +20,7 @@ KIND = "kind"
 """Field of the JSON that says which of several dataclasses an object is."""
 
 UNIONS: dict[Any, dict[str, type]] = {
-    EnvConfig: {"zones": ZoneConfig, "waterworld": WaterWorldConfig},
+    EnvConfig: {"zones": ZoneConfig, "waterworld": WaterWorldConfig, "single_state": SingleStateConfig},
     NetworkConfig | QNetworkConfig: {"actor_critic": NetworkConfig, "action_values": QNetworkConfig},
 }
 """Fields of ``Config`` that may be of several dataclasses. The first one is meant where no kind is named."""

@@ -52,6 +52,8 @@ class Agent(NamedTuple):
     iterate(train_state) -> (train_state, Metrics); advances training by `frames_per_iteration` environment steps
     embed(params) -> float32[rows, dim]: the task encoder's output for every row of the task table, computed once
     act(params, embedding, obs, row, key, deterministic) -> action; obs [..., O], row int32[...]
+    renew(train_state, table) -> train_state that goes on with the tasks of another table of the same shapes; None for
+    learners whose tasks are fixed. The state then has the current table as its attribute `table`.
     """
 
     init: Callable[[jax.Array], Any]
@@ -59,3 +61,4 @@ class Agent(NamedTuple):
     embed: Callable[[Params], jax.Array]
     act: Callable[[Params, jax.Array, jax.Array, jax.Array, jax.Array, bool], jax.Array]
     frames_per_iteration: int
+    renew: Callable[[Any, Any], Any] | None = None

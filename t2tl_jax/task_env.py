@@ -47,6 +47,10 @@ class TaskEnv(Env):
         self.table = table
         self.simultaneous = simultaneous
 
+    def with_table(self, table: TaskTable) -> "TaskEnv":
+        """The same environment with other tasks, which may be arrays of a traced function."""
+        return TaskEnv(self.env, table, self.simultaneous)
+
     def reset(self, rng: jax.Array, turn: jax.Array | None = None) -> State:
         """A fresh layout and one of the table's tasks; the initial state's labels are not used.
 

@@ -5,7 +5,7 @@ iteration is one pure function of the training state.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 import optax
 from flax import struct
-from jax.scipy.stats import norm
 
 from t2tl_jax.agent import Agent, EpisodeTotals, Metrics, Params
+from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.best import keep_best
@@ -54,7 +54,8 @@ class PPOConfig:
     entropy_coefficient: float = 0.0
     """Weight of the entropy, which is averaged over action dimensions as published."""
     noise_time: float = 33.0
-    """Correlation time of the exploration noise at the start of the run, in steps; 0 is white noise as published."""
+    """Correlation time of the exploration noise at the start of the run, in steps; 0 is white noise as published.
+    Continuous actions only: discrete ones are drawn independently."""
     noise_decay: float = 0.5
     """Share of the run over which the correlation time falls linearly to 0."""
     max_gradient_norm: float = 0.5
@@ -104,11 +105,12 @@ class PPOState:
     params: Params
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
-    noise: jax.Array  # float32[N, A], the last exploration noise (unit variance)
+    noise: jax.Array | None  # float32[N, A], the last exploration noise (unit variance); None for discrete actions
     key: jax.Array
     iteration: jax.Array  # int32
     best_params: Params
     best_score: jax.Array  # float32, discounted return of the best rollout so far
+    table: TaskTable | None = None  # the current tasks, where they change during training; else they are a constant
 
 
 @struct.dataclass
@@ -123,11 +125,6 @@ class Batch:
     advantage: jax.Array
 
 
-def log_probability(mean: jax.Array, std: jax.Array, action: jax.Array) -> jax.Array:
-    """Log-density of a diagonal Gaussian, summed over the last axis."""
-    return norm.logpdf(action, mean, std).sum(axis=-1)
-
-
 def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
     """Correlation of successive exploration noises, exp(-1 / time), where the time falls linearly with `progress`."""
     time = config.noise_time * jnp.maximum(0.0, 1.0 - progress / config.noise_decay)
@@ -139,8 +136,8 @@ def ppo_loss(
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
     """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [B, dim]."""
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
-    mean, std, value = apply(params, batch.obs, task)
-    ratio = jnp.exp(log_probability(mean, std, batch.action) - batch.log_prob)
+    distribution, value = apply(params, batch.obs, task)
+    ratio = jnp.exp(distribution.log_prob(batch.action) - batch.log_prob)
     advantage = batch.advantage
     if config.normalise_advantage:
         advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
@@ -154,7 +151,7 @@ def ppo_loss(
         value_error = jnp.maximum(value_error, jnp.square(clipped_value - target))
     value_loss = value_error.mean()
 
-    entropy = (0.5 * jnp.log(2 * jnp.pi * jnp.e) + jnp.log(std)).mean()  # over samples and action dimensions
+    entropy = distribution.entropy().mean()  # over samples and action dimensions
     loss = policy_loss - config.entropy_coefficient * entropy + config.value_coefficient * value_loss
     return loss, {
         "policy_loss": policy_loss,
@@ -167,13 +164,20 @@ def ppo_loss(
 
 
 def make_ppo(
-    env: TaskEnv, network_config: NetworkConfig, config: PPOConfig, episode_length: int, iterations: int
+    env: TaskEnv,
+    network_config: NetworkConfig,
+    config: PPOConfig,
+    episode_length: int,
+    iterations: int,
+    renewable: bool = False,
 ) -> Agent:
-    """The learner for one seed. `iterations` is the length of the run, used only to anneal the learning rate."""
-    if env.num_actions is not None:
-        raise ValueError("this PPO needs continuous actions, and this environment's are discrete; use DQN")
-    table = env.table
-    network = ActorCritic(network_config, env.action_size)
+    """The learner for one seed.
+
+    `iterations` is the length of the run, which schedules refer to. With `renewable`, the table that is trained on is
+    part of the state: that of `env` until `renew` puts another one in its place. `embed` always encodes that of `env`.
+    """
+    discrete = env.num_actions is not None
+    network = ActorCritic(network_config, env.num_actions or env.action_size, discrete)
     apply: Callable[..., Any] = network.apply  # as in ppo_loss
     gradient_steps = iterations * config.epochs * config.num_minibatches
     learning_rate = (
@@ -185,54 +189,69 @@ def make_ppo(
         optax.clip_by_global_norm(config.max_gradient_norm), optax.adam(learning_rate, eps=config.adam_epsilon)
     )
 
-    def embed(params: Params) -> jax.Array:
+    def world_of(state: PPOState) -> TaskEnv:
+        """The environment with the tasks that are trained on."""
+        return env if state.table is None else env.with_table(state.table)
+
+    def embed(params: Params, table: TaskTable = env.table) -> jax.Array:
         return apply(params, table, method="embed")
 
     def act(
         params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, deterministic: bool
     ) -> jax.Array:
-        mean, std = apply(params, obs, embedding[row], method="policy")
-        return mean if deterministic else mean + std * jax.random.normal(key, mean.shape)
+        distribution = apply(params, obs, embedding[row], method="policy")
+        return distribution.mode() if deterministic else distribution.sample(key)[0]
 
-    def init(key: jax.Array) -> PPOState:
-        params_key, episodes_key, limit_key, noise_key, key = jax.random.split(key, 5)
-        keys = jax.random.split(episodes_key, config.num_envs)
+    def begin_all(world: TaskEnv, key: jax.Array, limit_key: jax.Array) -> Episode:
+        keys = jax.random.split(key, config.num_envs)
         limits = jnp.full(config.num_envs, episode_length)
         if config.staggered_start:
             limits = jax.random.randint(limit_key, (config.num_envs,), 1, episode_length + 1)
-        episodes = jax.vmap(partial(begin, env))(keys, limits, jnp.arange(config.num_envs))
+        return jax.vmap(partial(begin, world))(keys, limits, jnp.arange(config.num_envs))
+
+    def init(key: jax.Array) -> PPOState:
+        params_key, episodes_key, limit_key, noise_key, key = jax.random.split(key, 5)
+        episodes = begin_all(env, episodes_key, limit_key)
         params = network.init(
-            params_key, table, episodes.state.obs, episodes.state.pipeline_state.row, method="initialise"
+            params_key, env.table, episodes.state.obs, episodes.state.pipeline_state.row, method="initialise"
         )
         return PPOState(
             params=params,
             opt_state=optimizer.init(params),
             episodes=episodes,
-            noise=jax.random.normal(noise_key, (config.num_envs, env.action_size)),
+            noise=None if discrete else jax.random.normal(noise_key, (config.num_envs, env.action_size)),
             key=key,
             iteration=jnp.int32(0),
             best_params=params,
             best_score=jnp.float32(-jnp.inf),
+            table=env.table if renewable else None,
         )
 
-    def collect(state: PPOState, key: jax.Array) -> tuple[jax.Array, Episode, Transitions, EpisodeTotals]:
-        embedding = embed(state.params)
+    def renew(state: PPOState, table: TaskTable) -> PPOState:
+        """Episodes under way are dropped: their rows mean nothing in the new table. So do scores on other tasks."""
+        episodes_key, limit_key, key = jax.random.split(state.key, 3)
+        episodes = begin_all(env.with_table(table), episodes_key, limit_key)
+        return replace(state, episodes=episodes, key=key, best_score=jnp.float32(-jnp.inf), table=table)
+
+    def collect(
+        world: TaskEnv, state: PPOState, key: jax.Array
+    ) -> tuple[jax.Array | None, Episode, Transitions, EpisodeTotals]:
+        embedding = embed(state.params, world.table)
         correlation = noise_correlation(config, state.iteration / iterations)
 
-        def policy(noise: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array):
-            mean, std = apply(state.params, obs, embedding[row], method="policy")
+        def policy(noise: jax.Array | None, obs: jax.Array, row: jax.Array, key: jax.Array):
+            distribution = apply(state.params, obs, embedding[row], method="policy")
             # White noise on this bang-bang robot averages out within a metre; noise that persists carries it along.
-            # Every action is still N(mean, std) by itself, which is the density that the loss uses.
-            noise = correlation * noise + jnp.sqrt(1 - correlation**2) * jax.random.normal(key, mean.shape)
-            action = mean + std * noise
-            return noise, action, log_probability(mean, std, action)
+            # Every action by itself still has the policy's distribution, whose density the loss uses.
+            action, noise = distribution.sample(key, noise, correlation)
+            return noise, action, distribution.log_prob(action)
 
         return rollout(
-            env, policy, state.noise, state.episodes, key, config.rollout_steps, episode_length, config.discount
+            world, policy, state.noise, state.episodes, key, config.rollout_steps, episode_length, config.discount
         )
 
-    def make_batch(params: Params, transitions: Transitions) -> Batch:
-        embedding = embed(params)
+    def make_batch(table: TaskTable, params: Params, transitions: Transitions) -> Batch:
+        embedding = embed(params, table)
         value = apply(params, transitions.obs, embedding[transitions.row], method="value")
         next_value = apply(params, transitions.next_obs, embedding[transitions.next_row], method="value")
         terminated, truncated = transitions.terminated, transitions.truncated
@@ -251,38 +270,39 @@ def make_ppo(
         )
         return jax.tree.map(lambda x: x.reshape(config.batch_size, *x.shape[2:]), batch)
 
-    def gradient_step(carry: tuple[Params, optax.OptState], minibatch: Batch):
+    def gradient_step(table: TaskTable, carry: tuple[Params, optax.OptState], minibatch: Batch):
         params, opt_state = carry
 
         def loss(params: Params) -> tuple[jax.Array, dict[str, jax.Array]]:
             # Each distinct formula is encoded once; the gather's gradient sums over the samples of a row.
-            return ppo_loss(config, network, params, embed(params)[minibatch.row], minibatch)
+            return ppo_loss(config, network, params, embed(params, table)[minibatch.row], minibatch)
 
         gradient, scalars = jax.grad(loss, has_aux=True)(params)
         updates, opt_state = optimizer.update(gradient, opt_state, params)
         scalars["gradient_norm"] = optax.tree.norm(gradient)
         return (optax.apply_updates(params, updates), opt_state), scalars
 
-    def epoch(carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):
+    def epoch(table: TaskTable, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):
         order = jax.random.permutation(key, config.batch_size).reshape(config.num_minibatches, config.minibatch_size)
 
         def minibatch_step(carry, rows):
-            return gradient_step(carry, jax.tree.map(lambda x: x[rows], batch))
+            return gradient_step(table, carry, jax.tree.map(lambda x: x[rows], batch))
 
         return jax.lax.scan(minibatch_step, carry, order)
 
     def iterate(state: PPOState) -> tuple[PPOState, Metrics]:
         key, rollout_key, epochs_key = jax.random.split(state.key, 3)
+        world = world_of(state)
 
         # COLLECT
-        noise, episodes, transitions, totals = collect(state, rollout_key)
+        noise, episodes, transitions, totals = collect(world, state, rollout_key)
 
         # ADVANTAGE
-        batch = make_batch(state.params, transitions)
+        batch = make_batch(world.table, state.params, transitions)
 
         # UPDATE
         (params, opt_state), scalars = jax.lax.scan(
-            lambda carry, key: epoch(carry, key, batch),
+            lambda carry, key: epoch(world.table, carry, key, batch),
             (state.params, state.opt_state),
             jax.random.split(epochs_key, config.epochs),
         )
@@ -298,7 +318,15 @@ def make_ppo(
             iteration=state.iteration + 1,
             best_params=best_params,
             best_score=best_score,
+            table=state.table,
         )
         return new_state, Metrics(episodes=totals, scalars=jax.tree.map(jnp.mean, scalars))
 
-    return Agent(init=init, iterate=iterate, embed=embed, act=act, frames_per_iteration=config.frames_per_iteration)
+    return Agent(
+        init=init,
+        iterate=iterate,
+        embed=embed,
+        act=act,
+        frames_per_iteration=config.frames_per_iteration,
+        renew=renew if renewable else None,
+    )

@@ -1,4 +1,4 @@
-"""The actor-critic of the published code: environment encoder, task embedding, Gaussian actor, critic."""
+"""The actor-critic of the published code: environment encoder, task embedding, actor, critic."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from flax import linen as nn
 
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
 from t2tl_jax.networks.initializers import unit_norm
 from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, make_task_encoder
 
@@ -20,13 +21,16 @@ class NetworkConfig(TaskEncoderConfig):
     """Everything between an observation with a task row and an action with a value."""
 
     env_layers: tuple[int, ...] = (128, 64)
-    """Hidden sizes of the environment encoder."""
+    """Hidden sizes of the environment encoder; empty for none: the observation itself, which may be empty too."""
     actor_layers: tuple[int, ...] = (64, 64, 64)
-    """Hidden sizes of the actor."""
+    """Hidden sizes of the actor; empty for a single linear layer."""
     critic_layers: tuple[int, ...] = (64, 64)
-    """Hidden sizes of the critic."""
+    """Hidden sizes of the critic; empty for a single linear layer."""
+    freeze_task_encoder: bool = False
+    """Keep the task encoder as it is, for one that was pre-trained."""
     mean_scale: float = 1.0
-    """Length of the mean head's initial weights: 1 as published, 0 for a robot that at first only explores."""
+    """Length of the initial weights of the head of means (or of logits): 1 as published, 0 for a robot that at first
+    only explores."""
     value_scale: float = 0.0
     """Length of the value head's initial weights: 1 as published, 0 for a critic that starts without an opinion."""
     observation: Literal["symlog", "raw"] = "symlog"
@@ -53,7 +57,7 @@ class EnvironmentEncoder(nn.Module):
 
 
 class Actor(nn.Module):
-    """Features -> mean and standard deviation of a diagonal Gaussian.
+    """Features -> distribution of the action: a choice of actions by logits, or a diagonal Gaussian.
 
     As published: mean = 2 tanh(.), std = softplus(tanh(.)) + 0.001, so std lies in [0.314, 1.314].
     """
@@ -61,16 +65,19 @@ class Actor(nn.Module):
     layers: tuple[int, ...]
     action_size: int
     output_scale: float
+    discrete: bool = False
 
     @nn.compact
-    def __call__(self, features: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """features [..., D] -> (mean, std), each [..., action_size]."""
+    def __call__(self, features: jax.Array) -> Distribution:
+        """features [..., D] -> distribution of float32[..., action_size], or of one of action_size actions."""
         x = _mlp(features, self.layers, nn.relu, "dense")
+        if self.discrete:
+            return Categorical(nn.Dense(self.action_size, kernel_init=unit_norm(self.output_scale), name="logits")(x))
         mean = MEAN_RANGE * jnp.tanh(
             nn.Dense(self.action_size, kernel_init=unit_norm(self.output_scale), name="mean")(x)
         )
         std = nn.softplus(jnp.tanh(nn.Dense(self.action_size, kernel_init=unit_norm(), name="std")(x))) + MINIMUM_STD
-        return mean, std
+        return Gaussian(mean, std)
 
 
 class Critic(nn.Module):
@@ -93,36 +100,38 @@ class ActorCritic(nn.Module):
     """
 
     config: NetworkConfig
-    action_size: int
+    action_size: int  # dimensions of a continuous action, or number of discrete actions
+    discrete: bool = False
 
     def setup(self) -> None:
         """Name the parts; parameters live under these names in checkpoints."""
         self.task_encoder: TaskEncoder = make_task_encoder(self.config)
         self.environment_encoder = EnvironmentEncoder(self.config)
-        self.actor = Actor(self.config.actor_layers, self.action_size, self.config.mean_scale)
+        self.actor = Actor(self.config.actor_layers, self.action_size, self.config.mean_scale, self.discrete)
         self.critic = Critic(self.config.critic_layers, self.config.value_scale)
 
     def embed(self, table: TaskTable) -> jax.Array:
         """float32[rows, dim], one vector for every row of the table."""
-        return self.task_encoder(table)
+        embedding = self.task_encoder(table)
+        return jax.lax.stop_gradient(embedding) if self.config.freeze_task_encoder else embedding
 
     def features(self, obs: jax.Array, task: jax.Array) -> jax.Array:
         """obs [..., O], task [..., dim] -> [..., D], shared by actor and critic."""
         return jnp.concatenate([self.environment_encoder(obs), task], axis=-1)
 
-    def policy(self, obs: jax.Array, task: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Mean and std of the action, each [..., action_size]."""
+    def policy(self, obs: jax.Array, task: jax.Array) -> Distribution:
+        """Distribution of the action, leading axes [...]."""
         return self.actor(self.features(obs, task))
 
     def value(self, obs: jax.Array, task: jax.Array) -> jax.Array:
         """Value [...]."""
         return self.critic(self.features(obs, task))
 
-    def __call__(self, obs: jax.Array, task: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """Mean, std and value from one pass through the shared features."""
+    def __call__(self, obs: jax.Array, task: jax.Array) -> tuple[Distribution, jax.Array]:
+        """Distribution of the action and value from one pass through the shared features."""
         features = self.features(obs, task)
-        return *self.actor(features), self.critic(features)
+        return self.actor(features), self.critic(features)
 
-    def initialise(self, table: TaskTable, obs: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+    def initialise(self, table: TaskTable, obs: jax.Array, row: jax.Array) -> tuple[Distribution, jax.Array]:
         """Touch every part once, so that `init(key, table, obs, row, method="initialise")` makes all parameters."""
         return self(obs, self.embed(table)[row])

@@ -38,6 +38,8 @@ class QNetworkConfig(TaskEncoderConfig):
     output layer."""
     dueling: bool = True
     """Value and advantage apart (Wang et al., 2016), as in the reward-machine experiments."""
+    freeze_task_encoder: bool = False
+    """Keep the task encoder as it is, for one that was pre-trained."""
 
 
 class QNetwork(nn.Module):
@@ -65,7 +67,8 @@ class QNetwork(nn.Module):
 
     def embed(self, table: TaskTable) -> jax.Array:
         """float32[rows, dim], one vector for every row of the table."""
-        return self.task_encoder(table)
+        embedding = self.task_encoder(table)
+        return jax.lax.stop_gradient(embedding) if self.config.freeze_task_encoder else embedding
 
     def features(self, obs: jax.Array) -> jax.Array:
         """obs [..., O] -> [..., task_layer], before the last activation; the same for all tasks."""

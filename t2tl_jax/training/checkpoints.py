@@ -121,7 +121,8 @@ class Checkpoints:
         return iteration
 
     def _read(self, iteration: int, item: str, like: Any) -> Any:
-        target = jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), jax.eval_shape(_unwrap_keys, like))
+        shapes = jax.eval_shape(_unwrap_keys, like)
+        target = jax.tree.map(lambda x: _storable(np.zeros(x.shape, x.dtype)), shapes)
         restored = self._restore_item(iteration, item, ocp.args.StandardRestore(target))
         wrong = [
             f"{jax.tree_util.keystr(path)}: {np.shape(got)} on disk, {want.shape} expected"
@@ -169,9 +170,16 @@ def _unwrap_keys(tree: Any) -> Any:
 
 
 def _rewrap_key(like: Any, value: np.ndarray) -> Any:
-    return jax.random.wrap_key_data(jax.numpy.asarray(value)) if _is_key(like) else value
+    if _is_key(like):
+        return jax.random.wrap_key_data(jax.numpy.asarray(value))
+    return value if like.size else np.zeros(like.shape, like.dtype)
+
+
+def _storable(x: np.ndarray) -> np.ndarray:
+    """Orbax refuses arrays without entries, such as the observations of an environment that shows nothing."""
+    return x if x.size else np.zeros(1, x.dtype)
 
 
 def _to_host(tree: Any) -> Any:
     # A copy: on CPU a plain transfer is a view of memory that the next iteration may overwrite.
-    return jax.tree.map(lambda x: np.array(x, copy=True), jax.device_get(_unwrap_keys(tree)))
+    return jax.tree.map(lambda x: _storable(np.array(x, copy=True)), jax.device_get(_unwrap_keys(tree)))

@@ -137,10 +137,14 @@ def test_only_zones_have_a_choice_of_physics(tmp_path, capsys):
     assert "WaterWorld has only one" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("learner", ["ppo", "dqn"])
-def test_learners_refuse_the_other_kind_of_actions(learner):
-    zone, water = CONFIGS["zone_ppo"][0], CONFIGS["waterworld_dqn"][0]
-    wrong = dataclasses.replace(zone if learner == "ppo" else water, env=(water if learner == "ppo" else zone).env)
-    task = CONFIGS["waterworld_dqn" if learner == "ppo" else "zone_ppo"][0].task
-    with pytest.raises(UserError, match="actions"):
-        build(dataclasses.replace(wrong, task=task))
+def test_dqn_refuses_continuous_actions():
+    water = CONFIGS["waterworld_dqn"][0]
+    with pytest.raises(UserError, match="needs discrete actions"):
+        build(dataclasses.replace(water, env=CONFIGS["zone_ppo"][0].env, task="phi_zone"))
+
+
+def test_ppo_trains_where_actions_are_discrete():
+    zone = reduced("zone_ppo")
+    water = dataclasses.replace(reduced("waterworld_dqn"), network=zone.network, ppo=zone.ppo, dqn=None)
+    state = trace(build(water).agent, (0,)).state  # tracing runs everything but the arithmetic
+    assert state.params["params"]["actor"]["logits"]["kernel"].shape == (1, 64, 5) and state.noise is None

@@ -1,0 +1,88 @@
+"""PPO with discrete actions: the same learner with another distribution."""
+
+import dataclasses
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from envs.single_state import SingleState
+from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.task_env import TaskEnv
+from tests.probe import DiscreteProbeEnv
+
+NETWORK = NetworkConfig(
+    transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8),
+    env_layers=(),
+    actor_layers=(),
+    critic_layers=(),
+)
+PPO = PPOConfig(
+    num_envs=16,
+    rollout_steps=16,
+    epochs=4,
+    minibatch_size=64,
+    discount=0.9,
+    gae_lambda=0.9,
+    learning_rate=3e-3,
+    entropy_coefficient=0.01,
+)
+
+
+@pytest.fixture(scope="module")
+def probe():
+    env = DiscreteProbeEnv()
+    return TaskEnv(env, compile_tasks(["F(Up & F(Down & F Up))"], env.propositions, env.alphabet))
+
+
+def train(agent, iterations):
+    state, iterate = jax.jit(agent.init)(jax.random.key(0)), jax.jit(agent.iterate)
+    for _ in range(iterations):
+        state, metrics = iterate(state)
+    return state, metrics
+
+
+def test_replaying_a_stored_rollout_gives_probability_ratio_one(probe):
+    config = dataclasses.replace(PPO, epochs=1, minibatch_size=256, learning_rate=0.0)
+    network = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster
+    _, metrics = train(make_ppo(probe, network, config, episode_length=20, iterations=1), 1)
+    assert metrics.episodes.episodes > 0
+    assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
+    assert 0 < metrics.scalars["entropy"] <= np.log(3) + 1e-6
+
+
+@pytest.mark.slow
+def test_probe_is_solved_by_choosing_while_the_frozen_encoder_stays(probe):
+    """A random encoder tells the three sub-tasks apart, so the other layers can learn from it."""
+    network = dataclasses.replace(NETWORK, env_layers=(16,), actor_layers=(16,), freeze_task_encoder=True)
+    agent = make_ppo(probe, network, PPO, episode_length=20, iterations=60)
+    start = jax.jit(agent.init)(jax.random.key(0)).params["params"]
+    state, metrics = train(agent, 60)
+    assert metrics.episodes.length / metrics.episodes.episodes < 4.5  # optimal 3, at random about 9
+    row = probe.table.initial_row[0]
+    action = agent.act(state.params, agent.embed(state.params), jnp.ones(3), row, jax.random.key(0), True)
+    assert action == 1 and action.dtype == jnp.int32  # Up
+    after = state.params["params"]
+    chex.assert_trees_all_equal(start["task_encoder"], after["task_encoder"])
+    assert (start["actor"]["logits"]["kernel"] != after["actor"]["logits"]["kernel"]).any()
+
+
+def test_network_without_observation_has_one_linear_layer_each():
+    env = SingleState()
+    env = TaskEnv(env, compile_tasks(["F Red"], env.propositions, env.alphabet))
+    agent = make_ppo(env, NETWORK, PPO, episode_length=20, iterations=1)
+    params = jax.eval_shape(agent.init, jax.random.key(0)).params["params"]
+    shapes = jax.tree.map(jnp.shape, {name: params[name] for name in ("actor", "critic")})
+    chex.assert_trees_all_equal(
+        shapes,
+        {
+            "actor": {"logits": {"kernel": (8, 4), "bias": (4,)}},
+            "critic": {"value": {"kernel": (8, 1), "bias": (1,)}},
+        },
+    )
+    assert set(params) == {"task_encoder", "actor", "critic"}
