@@ -13,7 +13,7 @@ from experiments.errors import UserError
 from t2tl_jax.agent import Agent
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.ppo import make_ppo
-from t2tl_jax.ltl import TaskTable, compile_named
+from t2tl_jax.ltl import TaskTable, compile_named, compile_pool, is_family
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
@@ -25,7 +25,8 @@ class Experiment:
     """What a configuration stands for."""
 
     env: TaskEnv
-    """For evaluation: every episode starts with the whole task."""
+    """For evaluation: every episode starts with a whole task. Of a family, these are tasks that training never drew
+    on purpose: a pool of its own."""
     agent: Agent
     """The learner."""
     iterations: int
@@ -34,6 +35,9 @@ class Experiment:
     """What every row of the task table says, for pictures."""
     member: Callable[[jax.Array], tuple[TaskEnv, Agent]] | None = None
     """Environment and learner as a function of the seed, where they differ between the seeds of a run."""
+
+    pools: Callable[[int], TaskTable] | None = None
+    """The tables that training takes one after another, by their number; None where the tasks are fixed."""
 
     def of_seed(self, seed: jax.Array) -> tuple[TaskEnv, Agent]:
         """Environment (for evaluation) and learner of one seed, whose number may be traced."""
@@ -58,7 +62,7 @@ def build(config: Config) -> Experiment:
 
         agent = _make_agent(config, TaskEnv(env, table, config.simultaneous), iterations)
         texts = tuple(table.text(row) for row in range(table.num_rows))
-        return Experiment(TaskEnv(env, table), agent, iterations, texts, member)
+        return Experiment(TaskEnv(env, table), agent, iterations, texts, member, make_pools(config, env))
     except ValueError as error:
         raise UserError(str(error)) from error
 
@@ -76,12 +80,41 @@ def _check_maps(config: Config) -> None:
 
 
 def make_table(config: Config, env: LabelledEnv) -> TaskTable:
-    """Compile the task of a configuration for an environment.
+    """Compile the task of a configuration for an environment; of a family, a pool to evaluate on.
 
     Raises:
         ValueError: for an unknown task, a formula with mistakes, or one of other propositions.
     """
+    if is_family(config.task, env.propositions):
+        return _pool(config, env, "evaluation")
     return compile_named(config.task, env.propositions, env.alphabet, length=config.task_length or None)
+
+
+def make_pools(config: Config, env: LabelledEnv) -> Callable[[int], TaskTable] | None:
+    """The pools that a family is trained on, by number; None for any other task."""
+    if not is_family(config.task, env.propositions):
+        return None
+    return lambda number: _pool(config, env, str(number))
+
+
+def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
+    if config.network.task_encoder == "one_hot":
+        raise ValueError(
+            f"{config.task} is a family of random tasks, and a one-hot code says nothing about a task that was not "
+            "seen before; use a task encoder that reads formulas, such as transformer"
+        )
+    if config.task_length:
+        raise ValueError(f"rows of a pool have pool.length={config.pool.length} tokens; leave task_length at 0")
+    pool = config.pool
+    return compile_pool(
+        config.task.strip(),
+        env.propositions,
+        env.alphabet,
+        f"{pool.seed} {which}",
+        size=pool.size,
+        rows=pool.rows,
+        length=pool.length,
+    )
 
 
 def _make_agent(config: Config, env: TaskEnv, iterations: int) -> Agent:
@@ -89,4 +122,5 @@ def _make_agent(config: Config, env: TaskEnv, iterations: int) -> Agent:
         assert isinstance(config.network, QNetworkConfig)  # checked when the configuration was made
         return make_dqn(env, config.network, config.dqn, config.episode_length, iterations)
     assert config.ppo is not None and isinstance(config.network, NetworkConfig)
-    return make_ppo(env, config.network, config.ppo, config.episode_length, iterations)
+    renewable = is_family(config.task, env.env.propositions)
+    return make_ppo(env, config.network, config.ppo, config.episode_length, iterations, renewable)

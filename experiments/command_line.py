@@ -16,8 +16,6 @@ from experiments.errors import UserError, nearest, unknown
 
 T = TypeVar("T")
 
-DEFAULT = "zone_ppo"
-
 DESCRIPTION = """Train an agent on a temporal-logic task.
 
   --config NAME   start from a named configuration; every option below overrides one of its fields
@@ -48,8 +46,22 @@ class Request:
     """Flags for the fields of the configuration."""
 
 
-def read_request(arguments: Sequence[str]) -> Request:
+def names(prefix: str = "") -> list[str]:
+    """The configurations whose names begin with `prefix`, without it."""
+    return [name.removeprefix(prefix) for name in CONFIGS if name.startswith(prefix)]
+
+
+def default(prefix: str = "") -> str:
+    """The configuration whose values ``--help`` shows when none is named."""
+    return prefix + names(prefix)[0]
+
+
+def read_request(arguments: Sequence[str], prefix: str = "") -> Request:
     """Split the flags that choose a configuration from those that override its fields.
+
+    Args:
+        arguments: of the command line, without the program's name.
+        prefix: what names of configurations lack here.
 
     Raises:
         UserError: for an unknown name, for both or none of ``--config`` and ``--resume``.
@@ -63,19 +75,21 @@ def read_request(arguments: Sequence[str]) -> Request:
     except argparse.ArgumentError as error:
         raise UserError(f"{error}; see --help") from error
     helping = bool({"-h", "--help"} & set(rest))
-    if known.config is not None and known.config not in CONFIGS:
-        raise unknown("config", known.config, CONFIGS)
+    if known.config is not None and known.config not in names(prefix):
+        raise unknown("config", known.config, names(prefix))
     if known.config is not None and known.resume is not None:
         raise UserError("--resume continues a run with its own configuration; leave --config out")
     if known.config is None and known.resume is None and not (known.list or helping):
-        raise UserError(f"choose a configuration with --config NAME ({', '.join(CONFIGS)}), or a run with --resume RUN")
+        raise UserError(
+            f"choose a configuration with --config NAME ({', '.join(names(prefix))}), or a run with --resume RUN"
+        )
     return Request(known.config, known.resume, known.list, tuple(rest))
 
 
-def list_configs() -> str:
+def list_configs(prefix: str = "") -> str:
     """The named configurations, one per line."""
-    width = max(map(len, CONFIGS))
-    return "\n".join(f"{name:{width}}  {summary}" for name, (_, summary) in CONFIGS.items())
+    width = max(map(len, names(prefix)))
+    return "\n".join(f"{name:{width}}  {CONFIGS[prefix + name][1]}" for name in names(prefix))
 
 
 def override(config: Config, arguments: Sequence[str], prog: str = "python -m experiments.run") -> Config:

@@ -35,6 +35,8 @@ class Ending:
     """``float64[seeds]``, over the episodes that finished."""
     discounted_return: np.ndarray
     """``float64[seeds]``"""
+    length: np.ndarray
+    """``float64[seeds]``, steps."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -58,7 +60,7 @@ def ending(metrics: Path, last: float) -> Ending:
         weighted = np.nansum((by_seed(columns, name)[2] * episodes)[:, tail], axis=1)
         return weighted / np.maximum(episodes[:, tail].sum(axis=1), 1)
 
-    return Ending(average("success_rate"), average("discounted_return"))
+    return Ending(average("success_rate"), average("discounted_return"), average("length"))
 
 
 def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:

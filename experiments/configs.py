@@ -7,8 +7,9 @@ from typing import Annotated
 
 from tyro.constructors import PrimitiveConstructorSpec
 
-from envs import waterworld, zones
+from envs import single_state, waterworld, zones
 from envs.registry import EnvConfig
+from envs.single_state import SingleStateConfig
 from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
 from t2tl_jax.agents.dqn import DQNConfig
@@ -16,6 +17,7 @@ from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.training.convergence import ConvergenceConfig
 
 
 def _whole_number(texts: list[str]) -> int:
@@ -71,25 +73,56 @@ class RunConfig:
 
 
 @dataclass(frozen=True)
+class PoolConfig:
+    """Random tasks: tables of many formulas of a family, one after another. Of a fixed task, nothing of this counts."""
+
+    size: Count = 32
+    """Formulas in a table; all seeds of a run have the same ones."""
+    period: Count = 4
+    """Iterations until the next table takes its place. Episodes under way then start anew."""
+    rows: Count = 512
+    """Rows of a table: what its formulas can become. Formulas that do not fit are drawn again."""
+    length: Count = 48
+    """Tokens of a row. Formulas that do not fit are drawn again."""
+    seed: Count = 0
+    """Which formulas are drawn. The pool for evaluation is another one in any case."""
+
+    def __post_init__(self) -> None:
+        for name in ("size", "period", "length"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"pool.{name} must be at least 1, got {getattr(self, name)}")
+        if self.rows < 3:
+            raise ValueError(f"pool.rows counts true, false and every open formula: at least 3, got {self.rows}")
+
+
+@dataclass(frozen=True)
 class Config:
     """Everything that a training run depends on. Of ``ppo`` and ``dqn`` one is there, with its kind of networks."""
 
     env: EnvConfig = field(default_factory=ZoneConfig)
     """The environment."""
     task: str = "phi_zone"
-    """A formula such as 'F(Red & F White)', a task by name, or a reward machine by name or file (needs one_hot)."""
+    """A formula such as 'F(Red & F White)', a task by name, a reward machine by name or file (needs one_hot), or a
+    family such as Until_1_2_1_1: random tasks, see pool."""
     task_length: int = 0
     """Pad formulas to this many tokens; 0 for as many as the longest one has."""
+    pool: PoolConfig = field(default_factory=PoolConfig)
+    """How the tasks of a family are drawn."""
     simultaneous: float = 0.0
     """Share of training episodes that start at a random sub-task of the formula; evaluation never does."""
     network: NetworkConfig | QNetworkConfig = field(default_factory=NetworkConfig)
     """The networks: actor and critic for PPO, action values for DQN."""
     ppo: PPOConfig | None = field(default_factory=PPOConfig)
-    """The learner for continuous actions."""
+    """The learner for continuous actions, and for discrete ones."""
     dqn: DQNConfig | None = None
     """The learner for discrete actions."""
     frames: Count = 10_000_000
     """Environment steps of every seed; rounded up to whole iterations."""
+    convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
+    """Stop before that when training has converged. Schedules over the run do not move."""
+    pretrained: str = ""
+    """Start with the task encoder (best parameters) of a pre-training run: its folder; or 'auto' to pre-train now on
+    random formulas, 'auto:TASK' on another task or family; '' starts fresh."""
     seeds: str = "1"
     """How many seeds (4 means 0, 1, 2, 3) or which (0,3,7; a single seed 7 is '7,'). All train in one program."""
     episode_length: Count = zones.EPISODE_LENGTH
@@ -111,6 +144,11 @@ class Config:
         if not isinstance(self.network, needed):
             learner = "ppo" if self.dqn is None else "dqn"
             raise ValueError(f"{learner} needs network={needed.__name__}(...), got a {type(self.network).__name__}")
+        if self.pretrained and self.network.task_encoder == "one_hot":
+            raise ValueError(
+                f"a one-hot code has no parameters to pre-train, got pretrained={self.pretrained!r} with "
+                "network.task_encoder=one_hot; leave pretrained empty, or use a task encoder that reads formulas"
+            )
 
     @property
     def learner(self) -> PPOConfig | DQNConfig:
@@ -190,6 +228,31 @@ _RM_WATER = Config(
     episode_length=waterworld.EPISODE_LENGTH,
 )
 
+# The network sees nothing but the encoded task, through one linear layer, so that the encoder has to do the work.
+PRETRAINING = Config(
+    env=SingleStateConfig(),
+    task="Eventually_1_5_1_4",
+    network=NetworkConfig(env_layers=(), actor_layers=(), critic_layers=()),
+    ppo=PPOConfig(
+        num_envs=64,
+        rollout_steps=32,
+        epochs=4,
+        minibatch_size=512,
+        discount=0.9,
+        gae_lambda=0.5,
+        learning_rate=1e-3,
+        clip=0.2,
+        entropy_coefficient=0.01,
+        noise_time=0.0,
+        staggered_start=False,
+    ),
+    # Every gradient step encodes every row, which here is nearly all of the work.
+    pool=PoolConfig(size=16, period=8, rows=192, length=40),
+    frames=500_000,
+    convergence=ConvergenceConfig(window=20),
+    episode_length=single_state.EPISODE_LENGTH,
+)
+
 CONFIGS: dict[str, tuple[Config, str]] = {
     "zone_ppo": (
         Config(),
@@ -238,6 +301,18 @@ CONFIGS: dict[str, tuple[Config, str]] = {
     "rm_water_ql": (
         replace(_RM_WATER, dqn=replace(_RM_DQN, simultaneous=False, timeout_is_terminal=True)),
         "the same, but every step teaches only the machine's own state (ql)",
+    ),
+    "pretrain_zone": (
+        PRETRAINING,
+        "pre-training of the task encoder on random formulas over ZoneEnv's colours; --task phi_zone as published",
+    ),
+    "pretrain_water": (
+        replace(
+            PRETRAINING,
+            env=SingleStateConfig(waterworld.COLOURS),
+            network=replace(PRETRAINING.network, transformer=QNetworkConfig().transformer),
+        ),
+        "the same over WaterWorld's colours, with its size of the encoded task",
     ),
 }
 """Configuration and one line about it, by name."""

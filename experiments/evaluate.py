@@ -62,15 +62,17 @@ def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
 
 
 def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
-    from experiments import compilation_cache, evaluation_run, run_folder
+    from experiments import compilation_cache, evaluation_run, run_folder, stored_params
     from experiments.build import build as default_build
     from t2tl_jax.evaluation.report import table
+    from t2tl_jax.training.seeds import parse_seeds, place, seed_sharding
 
     folder, stored = run_folder.open_existing(arguments.run)
     compilation_cache.use(stored.run.compilation_cache)
     config = _changed(stored, arguments)
     experiment = (build or default_build)(config)
-    iteration, params = _params(folder, config, experiment, arguments.checkpoint)
+    iteration, params = stored_params.restore(folder, config, experiment, arguments.checkpoint)
+    params = place(params, seed_sharding(len(parse_seeds(config.seeds))))
     what = evaluation_run.settings(config, arguments.checkpoint, iteration, arguments.episodes)
     print("  ".join(f"{name}: {value}" for name, value in what.items()), flush=True)
     if config.task != stored.task and config.network.task_encoder == "one_hot":
@@ -98,23 +100,6 @@ def _changed(config: Any, arguments: Arguments) -> Any:
         return config
     except ValueError as error:
         raise UserError(str(error)) from error
-
-
-def _params(folder: Any, config: Any, experiment: Any, which: Literal["best", "latest"]) -> tuple[int, Any]:
-    """Parameters of every seed, on the device; an error if they do not fit the (possibly other) task."""
-    import jax
-
-    from t2tl_jax.training.checkpoints import CheckpointError, Checkpoints
-    from t2tl_jax.training.seeds import TRAINING, parse_seeds, place, seed_sharding, stream_keys
-
-    seeds = parse_seeds(config.seeds)
-    shapes = jax.eval_shape(jax.vmap(experiment.agent.init), stream_keys(seeds, TRAINING)).params
-    try:
-        with Checkpoints(folder.checkpoints) as checkpoints:
-            iteration, params = checkpoints.restore_params(which, shapes)
-    except CheckpointError as error:
-        raise UserError(f"{error}") from error
-    return iteration, place(params, seed_sharding(len(seeds)))
 
 
 if __name__ == "__main__":

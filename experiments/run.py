@@ -15,34 +15,45 @@ def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | N
         arguments: of the command line, without the program's name; by default those of this process.
         build: from a ``Config`` to an ``experiments.build.Experiment``; by default the one of that module.
     """
-    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments), build))
+    return guarded(lambda: command(sys.argv[1:] if arguments is None else list(arguments), build))
 
 
-def _main(arguments: list[str], build: Callable[[Any], Any] | None) -> int:
+def command(
+    arguments: list[str],
+    build: Callable[[Any], Any] | None = None,
+    prefix: str = "",
+    module: str = "experiments.run",
+) -> int:
+    """What `main` runs, also under another name: of `module`, for the configurations whose names begin with `prefix`.
+
+    Raises:
+        UserError: for input that cannot be used.
+    """
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
         from experiments import command_line, compilation_cache, training_run
         from experiments.build import build as default_build
         from experiments.configs import CONFIGS
 
-    request = command_line.read_request(arguments)
+    request = command_line.read_request(arguments, prefix)
     if request.show_list:
-        print(command_line.list_configs())
+        print(command_line.list_configs(prefix))
         return 0
     chosen_build = build or default_build
-    command = ["python", "-m", "experiments.run", *arguments]
+    words = ["python", "-m", module, *arguments]
+    prog = f"python -m {module}"
     if request.resume is not None and not {"-h", "--help"} & set(request.rest):
 
         def amend(stored: Any) -> Any:
-            config = command_line.override(stored, request.rest)
+            config = command_line.override(stored, request.rest, prog)
             compilation_cache.use(config.run.compilation_cache)
             return config
 
-        return training_run.resume(request.resume, amend, chosen_build, command)
-    name = request.config or command_line.DEFAULT
-    config = command_line.override(CONFIGS[name][0], request.rest)
+        return training_run.resume(request.resume, amend, chosen_build, words)
+    name = prefix + request.config if request.config else command_line.default(prefix)
+    config = command_line.override(CONFIGS[name][0], request.rest, prog)
     compilation_cache.use(config.run.compilation_cache)
-    return training_run.start(config, name, chosen_build, command)
+    return training_run.start(config, name, chosen_build, words)
 
 
 if __name__ == "__main__":

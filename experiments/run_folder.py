@@ -5,6 +5,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -46,11 +47,34 @@ def create(base: Path, name: str, config: Config, versions: dict[str, Any]) -> R
                 break
             except FileExistsError:
                 continue
-        folder = RunFolder(path)
-        write_text(folder.config, config_files.to_json(config))
-        write_json(folder.versions, {"started": versions})
+        return _begin(path, config, versions)
     except OSError as error:
         raise UserError(f"cannot create a run in {parent}: {error.strerror or error}; see --run.folder") from error
+
+
+def create_inside(outer: RunFolder, name: str, config: Config, versions: dict[str, Any]) -> RunFolder:
+    """A run in a folder of another run, made anew or as an interrupted session of the same configuration left it.
+
+    Raises:
+        UserError: if it cannot be written, or holds a run of another configuration.
+    """
+    path = outer.path / name
+    if (path / "config.json").is_file():
+        folder, stored = open_existing(path)
+        if replace(stored, run=config.run) != config:
+            raise UserError(f"{path} holds a run of another configuration; move it away")
+        return folder
+    try:
+        path.mkdir(exist_ok=True)
+        return _begin(path, config, versions)
+    except OSError as error:
+        raise UserError(f"cannot create a run in {path}: {error.strerror or error}") from error
+
+
+def _begin(path: Path, config: Config, versions: dict[str, Any]) -> RunFolder:
+    folder = RunFolder(path)
+    write_json(folder.versions, {"started": versions})
+    write_text(folder.config, config_files.to_json(config))
     return folder
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from experiments import evaluation_run, run_folder
+from experiments import evaluation_run, pretraining, run_folder
 from experiments.build import Experiment
 from experiments.configs import Config
 from experiments.errors import UserError
@@ -17,10 +17,12 @@ from experiments.run_folder import RunFolder
 from t2tl_jax.agent import Metrics
 from t2tl_jax.evaluation import report
 from t2tl_jax.evaluation.curves import plot_learning_curves, sparkline
-from t2tl_jax.training import loop
+from t2tl_jax.training import loop, transfer
 from t2tl_jax.training.checkpoints import CheckpointError, Checkpoints, best_params
+from t2tl_jax.training.convergence import Convergence
 from t2tl_jax.training.interrupts import Interrupted, StopRequest
 from t2tl_jax.training.metrics_file import MetricsFileError, by_seed, read_columns
+from t2tl_jax.training.prefetch import Prefetch
 from t2tl_jax.training.program import Program, trace
 from t2tl_jax.training.progress import Progress
 from t2tl_jax.training.provenance import describe
@@ -28,6 +30,9 @@ from t2tl_jax.training.recorder import Recorder
 from t2tl_jax.training.seeds import parse_seeds, place
 
 Build = Callable[[Config], Experiment]
+
+CHANGEABLE = ("frames", "convergence", "run")
+"""Fields of a configuration that may change when a run is resumed."""
 
 
 @dataclasses.dataclass
@@ -40,9 +45,16 @@ class Run:
     program: Program
     seeds: tuple[int, ...]
     stop: StopRequest
+    build: Build
+    command: list[str]
+    convergence: Convergence
     compile_seconds: float = 0.0
     train_seconds: float = 0.0
     started_from: int = 0
+    earlier: dict[str, Any] = dataclasses.field(default_factory=dict)
+    """``status.json`` as the session before this one left it."""
+    pretraining: dict[str, Any] | None = None
+    """What the pre-training cost, and how it ended."""
 
 
 def start(config: Config, name: str, build: Build, command: Sequence[str]) -> int:
@@ -59,7 +71,7 @@ def start(config: Config, name: str, build: Build, command: Sequence[str]) -> in
             return stop.leave(0)
         folder = run_folder.create(Path(config.run.folder), name, config, describe(list(command)))
         with run_folder.locked(folder):
-            return stop.leave(_train(Run(folder, config, experiment, program, seeds, stop)))
+            return stop.leave(_train(_run(folder, config, experiment, program, seeds, stop, build, command)))
 
 
 def resume(path: Path, amend: Callable[[Config], Config], build: Build, command: Sequence[str]) -> int:
@@ -67,7 +79,7 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
 
     Args:
         path: folder of the run.
-        amend: applies the flags of this command; only ``frames`` and ``run`` may change.
+        amend: applies the flags of this command; only ``frames``, ``convergence`` and ``run`` may change.
         build: from configuration to environment and learner.
         command: the command line, for the record.
 
@@ -79,11 +91,13 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
     changed = [
         field.name
         for field in dataclasses.fields(Config)
-        if field.name not in ("frames", "run") and getattr(config, field.name) != getattr(stored, field.name)
+        if field.name not in ("frames", "convergence", "run")
+        and getattr(config, field.name) != getattr(stored, field.name)
     ]
     if changed:
         raise UserError(
-            f"a resumed run keeps its configuration; only --frames and --run.* apply, not {', '.join(changed)}"
+            "a resumed run keeps its configuration; only --frames, --convergence.* and --run.* apply, "
+            f"not {', '.join(changed)}"
         )
     if config.frames != stored.frames:
         print(f"frames {stored.frames:,} -> {config.frames:,}: schedules over the length of the run now end elsewhere")
@@ -94,13 +108,39 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
             print("stopped; the run is as it was")
             return stop.leave(0)
         _log_session(folder, config, list(command))
-        return stop.leave(_train(Run(folder, config, experiment, program, seeds, stop)))
+        return stop.leave(_train(_run(folder, config, experiment, program, seeds, stop, build, command)))
+
+
+def _run(
+    folder: RunFolder,
+    config: Config,
+    experiment: Experiment,
+    program: Program,
+    seeds: tuple[int, ...],
+    stop: StopRequest,
+    build: Build,
+    command: Sequence[str],
+) -> Run:
+    earlier = run_folder.read_json(folder.status)
+    convergence = Convergence(config.convergence, len(seeds))
+    run = Run(folder, config, experiment, program, seeds, stop, build, list(command), convergence, earlier=earlier)
+    run.pretraining = earlier.get("pretraining")
+    return run
 
 
 def _prepare(config: Config, build: Build) -> tuple[Experiment, tuple[int, ...], Program]:
     try:
         seeds = parse_seeds(config.seeds)
+        if config.pretrained and not pretraining.is_auto(config):
+            pretraining.open_fitting(config)
+        elif config.pretrained:
+            build(pretraining.matching(config))
         experiment = build(config)
+        if experiment.pools is not None and experiment.agent.renew is None:
+            raise ValueError(
+                f"{config.task} is a family of random tasks, which change during training, and DQN's replay holds "
+                "steps of former tasks; train families with ppo, or DQN on a single task"
+            )
         return experiment, seeds, trace(lambda seed: experiment.of_seed(seed)[1], seeds)
     except (ValueError, TypeError) as error:
         raise UserError(str(error)) from error
@@ -121,9 +161,19 @@ def _train(run: Run) -> int:
         if done >= total:
             print(f"all {total:,} iterations are done; --frames N with a larger N trains longer")
             return _conclude(run, state, done)
+        if run.convergence.reached:
+            print("training has converged; --convergence.window 0 trains on to the end")
+            return _conclude(run, state, done)
+        encoder = None
+        try:
+            if state is None and run.config.pretrained:
+                encoder = _pretrained_encoder(run)
+        except Interrupted:
+            print(f"stopped during pre-training; continue with --resume {run.folder.path}")
+            return 0
         try:
             begin = time.monotonic()
-            init, iterate = run.stop.call(lambda: _compile(run.program, fresh=state is None))
+            init, iterate, renew = run.stop.call(lambda: _compile(run.program, fresh=state is None))
             run.compile_seconds = time.monotonic() - begin
         except Interrupted:
             print(f"stopped while compiling; continue with --resume {run.folder.path}")
@@ -131,9 +181,36 @@ def _train(run: Run) -> int:
         print(f"compiled in {run.compile_seconds:.1f} s", flush=True)
         if init is not None:
             state = init(run.program.keys)
+            if encoder is not None:
+                state = transfer.adopt(state, encoder, run.program.sharding)
         run.started_from = done
-        done, state = _iterate(run, iterate, checkpoints, state, done)
+        done, state = _iterate(run, iterate, renew, checkpoints, state, done)
     return _conclude(run, state, done)
+
+
+def _pretrained_encoder(run: Run) -> Any:
+    """The task encoder that the run starts with, pre-trained first if need be; leading axis [seeds].
+
+    Raises:
+        Interrupted: if the pre-training did not come to its end. It goes on where it stopped when the run is resumed.
+    """
+    config = run.config
+    if not pretraining.is_auto(config):
+        folder, stored = pretraining.open_fitting(config)
+        experiment = run.build(stored)
+    else:
+        stored = pretraining.matching(config)
+        experiment, seeds, program = run.stop.call(lambda: _prepare(stored, run.build))
+        folder = run_folder.create_inside(run.folder, pretraining.FOLDER, stored, describe(run.command))
+        if run_folder.read_json(folder.status).get("state") != "finished":
+            with run_folder.locked(folder):
+                _train(_run(folder, stored, experiment, program, seeds, run.stop, run.build, run.command))
+            if run.stop.requested:
+                raise Interrupted
+    encoder = pretraining.load(folder, stored, experiment, config)
+    run.pretraining = pretraining.summary(folder, stored)
+    print(f"pre-trained: {pretraining.in_words(run.pretraining)}", flush=True)
+    return encoder
 
 
 def _restore(run: Run, checkpoints: Checkpoints) -> tuple[int, Any]:
@@ -146,14 +223,27 @@ def _restore(run: Run, checkpoints: Checkpoints) -> tuple[int, Any]:
     except CheckpointError as error:
         raise UserError(str(error)) from error
     print(f"resuming after iteration {done:,}")
+    run.convergence = Convergence(run.config.convergence, len(run.seeds), _returns(run, done))
     return done, place(state, run.program.sharding)
 
 
-def _compile(program: Program, fresh: bool) -> tuple[Any, Any]:
-    return (program.lowered_init.compile() if fresh else None), program.lowered_iterate.compile()
+def _returns(run: Run, done: int) -> np.ndarray | None:
+    """The discounted return of the iterations behind a checkpoint: float[seeds, done]; None if nothing asks for it."""
+    if not run.config.convergence.window:
+        return None
+    try:
+        columns = read_columns(run.folder.metrics)
+    except MetricsFileError as error:
+        raise UserError(str(error)) from error
+    return by_seed(columns, "discounted_return")[2][:, :done]
 
 
-def _iterate(run: Run, iterate: Any, checkpoints: Checkpoints, state: Any, done: int) -> tuple[int, Any]:
+def _compile(program: Program, fresh: bool) -> tuple[Any, Any, Any]:
+    renew = None if program.lowered_renew is None else program.lowered_renew.compile()
+    return (program.lowered_init.compile() if fresh else None), program.lowered_iterate.compile(), renew
+
+
+def _iterate(run: Run, iterate: Any, renew: Any, checkpoints: Checkpoints, state: Any, done: int) -> tuple[int, Any]:
     config, total = run.config, run.experiment.iterations
     per_iteration = run.experiment.agent.frames_per_iteration
     try:
@@ -164,7 +254,9 @@ def _iterate(run: Run, iterate: Any, checkpoints: Checkpoints, state: Any, done:
     begin = time.monotonic()
 
     def record(iteration: int, metrics: Metrics) -> None:
-        progress.advance(per_iteration, recorder.record(metrics, iteration, iteration * per_iteration))
+        rows = recorder.record(metrics, iteration, iteration * per_iteration)
+        run.convergence.add(rows)
+        progress.advance(per_iteration, rows)
 
     def save(iteration: int, train_state: Any) -> None:
         recorder.sync()  # first the rows, then the checkpoint that counts on them
@@ -172,9 +264,21 @@ def _iterate(run: Run, iterate: Any, checkpoints: Checkpoints, state: Any, done:
         run.train_seconds = time.monotonic() - begin
         _write_status(run, iteration, "training")
 
+    # Which table comes next depends on the iteration alone, so a resumed run goes on with the same ones.
+    pools = Prefetch(run.experiment.pools or (lambda number: None))
+
+    def prepare(done: int, train_state: Any) -> Any:
+        if renew is None or done % config.pool.period:
+            return train_state
+        return renew(train_state, pools.get(done // config.pool.period))
+
+    def stop() -> bool:
+        return run.stop.requested or run.convergence.reached
+
     try:
-        hooks = loop.Hooks(record, save, stop=lambda: run.stop.requested)
-        return loop.train(iterate, state, done, total, config.run.checkpoint_period, hooks)
+        with pools:
+            hooks = loop.Hooks(record, save, stop, prepare)
+            return loop.train(iterate, state, done, total, config.run.checkpoint_period, hooks)
     finally:
         run.train_seconds = time.monotonic() - begin
         progress.close()
@@ -184,7 +288,8 @@ def _iterate(run: Run, iterate: Any, checkpoints: Checkpoints, state: Any, done:
 def _conclude(run: Run, state: Any, done: int) -> int:
     """Pictures, evaluation, final words. The training is on disk by now, so a second signal may end this anywhere."""
     total = run.experiment.iterations
-    finished = done >= total
+    converged = run.convergence.reached and done < total
+    finished = done >= total or converged
     _write_status(run, done, "finished" if finished else "interrupted")
     if done == 0:
         print(f"stopped before the first iteration was complete; continue with --resume {run.folder.path}")
@@ -201,8 +306,12 @@ def _conclude(run: Run, state: Any, done: int) -> int:
     except Interrupted:
         print(f"stopped; the training is complete, `python -m experiments.evaluate {run.folder.path}` evaluates it")
         return 0
+    if converged:
+        print(f"converged after iteration {done:,} of at most {total:,}")
     if finished:
         print(f"done: {run.folder.path}")
+        if run.pretraining is not None:
+            print(f"pre-training before that: {pretraining.in_words(run.pretraining)}")
     else:
         print(f"stopped after iteration {done:,} of {total:,}; continue with --resume {run.folder.path}")
     return 0
@@ -239,6 +348,13 @@ def _write_status(run: Run, iteration: int, state: str) -> None:
             "training_seconds": round(run.train_seconds, 2),
             "frames_per_second_all_seeds": round(frames / run.train_seconds, 1),
         }
+    before = run.earlier.get("all_sessions", {})
+    status["all_sessions"] = {
+        "compile_seconds": round(before.get("compile_seconds", 0.0) + run.compile_seconds, 2),
+        "training_seconds": round(before.get("training_seconds", 0.0) + run.train_seconds, 2),
+    }
+    if run.pretraining is not None:
+        status["pretraining"] = run.pretraining
     run_folder.write_json(run.folder.status, status)
 
 
@@ -257,8 +373,32 @@ def _plan(run: Run) -> str:
             f"task   {run.config.task}",
             f"plan   {frames}; {seeds}",
             f"device {devices[0].device_kind}, {used} of {len(devices)} used",
+            *_more_plan(run),
         )
     )
+
+
+def _more_plan(run: Run) -> list[str]:
+    """Lines about what not every run has."""
+    config, lines = run.config, []
+    if run.experiment.pools is not None:
+        pool = config.pool
+        lines.append(
+            f"pools  {pool.size} random formulas for {pool.period} iterations, then others, the same for all seeds"
+        )
+    if config.convergence.window:
+        end = config.convergence
+        lines.append(
+            f"stop   sooner if the return gains at most {end.delta:g} from {end.window} iterations to the next as many"
+        )
+    if run.pretraining is not None:
+        lines.append(f"before {pretraining.in_words(run.pretraining)}")
+    elif pretraining.is_auto(config):
+        first = pretraining.matching(config)
+        lines.append(f"before pre-training on {first.task}, at most {first.frames:,} frames per seed, counted apart")
+    elif config.pretrained:
+        lines.append(f"before the task encoder of {config.pretrained}")
+    return lines
 
 
 def _curves_table(folder: RunFolder) -> str:

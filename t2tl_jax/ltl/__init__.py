@@ -22,7 +22,7 @@ from t2tl_jax.ltl.normal_form import negation_normal_form
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.progression import progress
 from t2tl_jax.ltl.reward_machine import RewardMachine, Transition, parse_machine
-from t2tl_jax.ltl.samplers import make_sampler, sample
+from t2tl_jax.ltl.samplers import is_family, make_sampler, sample
 from t2tl_jax.ltl.tasks import (
     PAPER_TASKS,
     REWARD_MACHINES,
@@ -37,6 +37,7 @@ from t2tl_jax.ltl.tasks import (
 from t2tl_jax.ltl.tokens import vocabulary_size
 
 if TYPE_CHECKING:
+    from t2tl_jax.ltl.task_pool import compile_pool
     from t2tl_jax.ltl.task_table import TaskTable, compile_named, compile_reward_machines, compile_tasks
 
 __all__ = [
@@ -62,10 +63,12 @@ __all__ = [
     "UnknownPropositionError",
     "UnknownTaskError",
     "compile_named",
+    "compile_pool",
     "compile_reward_machines",
     "compile_tasks",
     "eventually",
     "from_tuple",
+    "is_family",
     "make_sampler",
     "named_machines",
     "named_task",
@@ -86,6 +89,10 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Import what needs JAX on first use, so that the command line starts fast."""
+    if name == "compile_pool":
+        from t2tl_jax.ltl import task_pool
+
+        return task_pool.compile_pool
     if name in ("TaskTable", "compile_named", "compile_reward_machines", "compile_tasks"):
         from t2tl_jax.ltl import task_table
 

@@ -29,6 +29,14 @@ def sample(name: str, propositions: Sequence[str], seed: int) -> Formula:
     return make_sampler(name, propositions)(random.Random(seed))
 
 
+def is_family(text: str, propositions: Sequence[str] = ()) -> bool:
+    """Whether a text names a family of tasks, maybe misspelt (`Untl_1_2_1_1`): one word that is no proposition."""
+    word = text.strip()
+    if word in propositions or not word.isidentifier():
+        return False
+    return word.split("_")[0] in _NUMBERS or re.fullmatch(r"[A-Za-z]+(_\d+)+", word) is not None
+
+
 def make_sampler(name: str, propositions: Sequence[str]) -> Sampler:
     """Return the sampler of a family.
 

@@ -26,8 +26,6 @@ class NetworkConfig(TaskEncoderConfig):
     """Hidden sizes of the actor; empty for a single linear layer."""
     critic_layers: tuple[int, ...] = (64, 64)
     """Hidden sizes of the critic; empty for a single linear layer."""
-    freeze_task_encoder: bool = False
-    """Keep the task encoder as it is, for one that was pre-trained."""
     mean_scale: float = 1.0
     """Length of the initial weights of the head of means (or of logits): 1 as published, 0 for a robot that at first
     only explores."""

@@ -38,8 +38,6 @@ class QNetworkConfig(TaskEncoderConfig):
     output layer."""
     dueling: bool = True
     """Value and advantage apart (Wang et al., 2016), as in the reward-machine experiments."""
-    freeze_task_encoder: bool = False
-    """Keep the task encoder as it is, for one that was pre-trained."""
 
 
 class QNetwork(nn.Module):

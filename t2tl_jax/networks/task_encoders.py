@@ -32,6 +32,8 @@ class TaskEncoderConfig:
     """The formula's recurrent network."""
     one_hot_size: int = 16
     """Width of the one-hot code, at least the number of open rows; 1 gives the state's number instead (DFA_1)."""
+    freeze_task_encoder: bool = False
+    """Keep the task encoder as it is, for one that was pre-trained."""
 
     def __post_init__(self) -> None:
         if self.one_hot_size < 1:

@@ -20,6 +20,8 @@ class Hooks:
     """``(iteration, train state)``; everything up to this iteration has been recorded."""
     stop: Callable[[], bool]
     """Whether to finish early."""
+    prepare: Callable[[int, Any], Any] = lambda done, train_state: train_state
+    """``(iterations behind us, train state)`` to the state that the next iteration starts from."""
 
 
 def train(
@@ -51,7 +53,7 @@ def train(
     saved_at, saved_iteration = time.monotonic(), done
     iteration = done
     while iteration < total and not hooks.stop():
-        train_state, metrics = iterate(train_state)
+        train_state, metrics = iterate(hooks.prepare(iteration, train_state))
         iteration += 1
         if pending is not None:
             _record(pending, hooks)

@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.sharding import NamedSharding
+from jax.sharding import NamedSharding, PartitionSpec
 
 from t2tl_jax.agent import Agent
 from t2tl_jax.training.seeds import TRAINING, seed_sharding, stream_keys
@@ -26,6 +26,8 @@ class Program:
     """``keys -> state``, ready to compile."""
     lowered_iterate: Any
     """``state -> (state, Metrics)``, ready to compile; the given state's memory is reused for the result."""
+    lowered_renew: Any = None
+    """``(state, table) -> state``, ready to compile: all seeds go on with one new table. None where tasks are fixed."""
 
 
 def trace(agent: Agent | Callable[[jax.Array], Agent], seeds: Sequence[int]) -> Program:
@@ -61,7 +63,32 @@ def trace(agent: Agent | Callable[[jax.Array], Agent], seeds: Sequence[int]) -> 
     state = _shapes(jax.eval_shape(init, keys))
     lowered = iterate.lower(state)
     _require_same(state, _shapes(lowered.out_info[0]))
-    return Program(keys, state, sharding, init.lower(keys), lowered)
+    return Program(keys, state, sharding, init.lower(keys), lowered, _lower_renew(of_seed, numbers, state, sharding))
+
+
+def _lower_renew(
+    of_seed: Callable[[jax.Array], Agent], numbers: np.ndarray, state: Any, sharding: NamedSharding | None
+) -> Any:
+    tables = getattr(state, "table", None)
+    if tables is None:
+        return None
+
+    def renew_all(states: Any, table: Any) -> Any:
+        def one(seed: jax.Array, state: Any) -> Any:
+            renew = of_seed(seed).renew
+            assert renew is not None, "a state with a table comes with a way to renew it"
+            return renew(state, table)
+
+        return jax.vmap(one)(jax.numpy.asarray(numbers), states)
+
+    placement: dict[str, Any] = {}
+    if sharding is not None:
+        everywhere = NamedSharding(sharding.mesh, PartitionSpec())
+        placement = {"in_shardings": (sharding, everywhere), "out_shardings": sharding}
+    table = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), tables)
+    lowered = jax.jit(renew_all, donate_argnums=0, **placement).lower(state, table)
+    _require_same(state, _shapes(lowered.out_info))
+    return lowered
 
 
 def _strongly_typed(tree: Any) -> Any:

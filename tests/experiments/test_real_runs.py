@@ -9,7 +9,7 @@ import pytest
 from envs.zones import ZoneConfig
 from experiments import compare, evaluate, run, run_folder
 from experiments.build import build
-from experiments.configs import CONFIGS
+from experiments.configs import CONFIGS, PoolConfig
 from experiments.errors import UserError
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.training.checkpoints import Checkpoints
@@ -42,10 +42,11 @@ def reduced(name: str):
     config = CONFIGS[name][0]
     transformer: TransformerConfig = dataclasses.replace(config.network.transformer, layers=1)
     network = dataclasses.replace(config.network, transformer=transformer)
-    env = dataclasses.replace(config.env, pool_size=8)
+    env = dataclasses.replace(config.env, pool_size=8) if hasattr(config.env, "pool_size") else config.env
     if config.network.task_encoder != "transformer" and isinstance(env, ZoneConfig):
         env = dataclasses.replace(env, physics="closed_form")  # compiles faster where the encoder is what differs
-    config = dataclasses.replace(config, network=network, env=env, frames=64, episode_length=10)
+    pool = PoolConfig(size=4, rows=64, length=48)
+    config = dataclasses.replace(config, network=network, env=env, pool=pool, frames=64, episode_length=10)
     if config.dqn is not None:
         sizes = {"num_envs": 4, "steps_per_iteration": 8, "batch_size": 16, "buffer_size": 48, "learning_starts": 8}
         return dataclasses.replace(config, dqn=dataclasses.replace(config.dqn, **sizes))

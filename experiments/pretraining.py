@@ -1,0 +1,125 @@
+"""Pre-trained task encoders: which configuration trains one, whether one fits, what it cost."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from envs import registry
+from envs.single_state import SingleStateConfig
+from experiments import run_folder, stored_params
+from experiments.build import Experiment
+from experiments.compare import differences, ending
+from experiments.configs import PRETRAINING, Config
+from experiments.errors import UserError
+from experiments.run_folder import RunFolder
+from t2tl_jax.networks.task_encoders import TaskEncoderConfig
+from t2tl_jax.training import transfer
+from t2tl_jax.training.seeds import parse_seeds
+
+AUTO = "auto"
+FOLDER = "pretraining"
+"""Folder inside a run in which its own pre-training lies, an ordinary run."""
+
+LAST = 0.1
+"""Share of the pre-training, at its end, over which its final figures are averaged."""
+
+
+def is_auto(config: Config) -> bool:
+    """Whether the run does its pre-training itself."""
+    return config.pretrained.partition(":")[0] == AUTO
+
+
+def matching(config: Config) -> Config:
+    """The configuration that pre-trains a task encoder for `config`: same encoder, same propositions, same seeds."""
+    encoder = {field.name: getattr(config.network, field.name) for field in fields(TaskEncoderConfig)}
+    _, _, task = config.pretrained.partition(":")
+    return replace(
+        PRETRAINING,
+        env=SingleStateConfig(_propositions(config)),
+        task=task or PRETRAINING.task,
+        network=replace(PRETRAINING.network, **encoder | {"freeze_task_encoder": False}),
+        seeds=config.seeds,
+        run=replace(config.run, gif=False),
+    )
+
+
+def open_fitting(config: Config) -> tuple[RunFolder, Config]:
+    """The pre-training run that `config.pretrained` names.
+
+    Raises:
+        UserError: if it is no run, or its encoder cannot be that of `config`; all this before anything is traced.
+    """
+    folder, stored = run_folder.open_existing(Path(config.pretrained).expanduser())
+    kind, wanted = stored.network.task_encoder, config.network.task_encoder
+    if kind != wanted:
+        raise UserError(
+            f"{folder.path} trained a task encoder of kind {kind}, and this run has {wanted}; "
+            f"set --network.task-encoder {kind}, or pre-train another"
+        )
+    departures = list(differences(getattr(stored.network, kind), getattr(config.network, kind), f"network.{kind}."))
+    if departures:
+        raise UserError(
+            f"the task encoder of {folder.path} was made with other settings; this run has {', '.join(departures)}"
+        )
+    theirs, ours = _propositions(stored), _propositions(config)
+    if theirs != ours:
+        raise UserError(
+            f"the task encoder of {folder.path} reads formulas over {', '.join(theirs)}, in this order; "
+            f"this environment has {', '.join(ours)}"
+        )
+    _seed_index(stored, config)
+    return folder, stored
+
+
+def load(folder: RunFolder, stored: Config, experiment: Experiment, config: Config) -> Any:
+    """The best task encoder of every seed of `config`, leading axis [seeds].
+
+    Args:
+        folder: of the pre-training run.
+        stored: its configuration.
+        experiment: what that stands for.
+        config: of the run that goes on with the encoder.
+
+    Raises:
+        UserError: if there is no checkpoint, or a seed is missing.
+    """
+    _, params = stored_params.restore(folder, stored, experiment, "best")
+    return transfer.task_encoder(params, _seed_index(stored, config))
+
+
+def summary(folder: RunFolder, stored: Config) -> dict[str, Any]:
+    """What the pre-training cost, and how it ended: for ``status.json``."""
+    status = run_folder.read_json(folder.status)
+    end = ending(folder.metrics, LAST)
+    return {
+        "folder": str(folder.path),
+        "task": stored.task,
+        "seeds": list(parse_seeds(stored.seeds)),
+        "frames_per_seed": status.get("frames_per_seed", 0),
+        **{name: status.get("all_sessions", {}).get(name, 0.0) for name in ("compile_seconds", "training_seconds")},
+        "success_rate": [round(float(x), 4) for x in end.success],
+        "discounted_return": [round(float(x), 4) for x in end.discounted_return],
+        "length": [round(float(x), 3) for x in end.length],
+    }
+
+
+def in_words(summary: dict[str, Any]) -> str:
+    """The summary as one line."""
+    seconds = summary["compile_seconds"] + summary["training_seconds"]
+    return (
+        f"{summary['frames_per_seed']:,} frames per seed on {summary['task']} in {seconds:.0f} s, "
+        f"discounted return {np.mean(summary['discounted_return']):.3f}, length {np.mean(summary['length']):.2f}"
+    )
+
+
+def _propositions(config: Config) -> tuple[str, ...]:
+    return tuple(registry.make(config.env).propositions)
+
+
+def _seed_index(stored: Config, config: Config) -> np.ndarray:
+    try:
+        return transfer.seed_index(parse_seeds(stored.seeds), parse_seeds(config.seeds))
+    except ValueError as error:
+        raise UserError(str(error)) from error

@@ -1,0 +1,27 @@
+"""Parameters of an earlier run, for whoever goes on with them."""
+
+from typing import Any
+
+import jax
+
+from experiments.build import Experiment
+from experiments.configs import Config
+from experiments.errors import UserError
+from experiments.run_folder import RunFolder
+from t2tl_jax.training.checkpoints import CheckpointError, Checkpoints, Which
+from t2tl_jax.training.seeds import TRAINING, parse_seeds, stream_keys
+
+
+def restore(folder: RunFolder, config: Config, experiment: Experiment, which: Which) -> tuple[int, Any]:
+    """Iteration of the newest checkpoint and parameters of every seed, as NumPy arrays with leading axis [seeds].
+
+    Raises:
+        UserError: if there are none, or they do not fit the configuration.
+    """
+    keys = stream_keys(parse_seeds(config.seeds), TRAINING)
+    shapes = jax.eval_shape(jax.vmap(experiment.agent.init), keys).params
+    try:
+        with Checkpoints(folder.checkpoints) as checkpoints:
+            return checkpoints.restore_params(which, shapes)
+    except CheckpointError as error:
+        raise UserError(str(error)) from error

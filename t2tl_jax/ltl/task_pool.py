@@ -1,0 +1,142 @@
+"""Pools of random tasks: tables of many formulas of a family, all of exactly the same shapes.
+
+Training on random formulas takes one pool after another. Since shapes do not change, neither does the compiled program.
+"""
+
+import random
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+
+from t2tl_jax.ltl import tokens as vocabulary
+from t2tl_jax.ltl.automaton import Automaton, build, check_cells, letter_weights
+from t2tl_jax.ltl.diagrams import AT_MOST_ONE
+from t2tl_jax.ltl.errors import TooLargeError
+from t2tl_jax.ltl.formula import Formula
+from t2tl_jax.ltl.samplers import make_sampler
+from t2tl_jax.ltl.task_table import TaskTable
+
+DRAWS_PER_TASK = 50
+"""How often a formula may be drawn for each place of a pool before the caps count as too small."""
+
+
+def compile_pool(
+    family: str,
+    propositions: Sequence[str],
+    alphabet: str,
+    seed: str | int,
+    *,
+    size: int,
+    rows: int,
+    length: int,
+) -> TaskTable:
+    """Draw `size` different formulas of a family and compile them to one table, on the host.
+
+    Every proposition has its letter, used or not, so that tables of equal arguments but for the seed have equal shapes.
+    Rows that are left over repeat the row of false: no transition leads there, no episode starts there, their verdict
+    is -1, and a task encoder reads the formula `False` in them. So they are never visited, sampled or learned from.
+
+    Formulas that do not fit are drawn again: those with a progressed formula of more than `length` tokens, and those
+    with more states than there are rows left. The caps therefore shorten the tail of a family.
+
+    Args:
+        family: such as `Until_1_2_1_1`, see `make_sampler`.
+        propositions: the environment's propositions, in its order.
+        alphabet: as in `compile_tasks`.
+        seed: equal arguments give equal tables.
+        size: number of formulas, which are the tasks of the table.
+        rows: rows of the table, true and false included.
+        length: tokens per row.
+
+    Raises:
+        UnknownTaskError, LTLError: for a family that does not exist or needs more propositions.
+        TooLargeError: when too few of the formulas drawn fit into `rows` and `length`, or differ from each other.
+    """
+    names = tuple(propositions)
+    draw, rng = make_sampler(family, names), random.Random(f"{family} {seed}")
+    builder = _Builder(names, alphabet, rows, length)
+    for _ in range(DRAWS_PER_TASK * size):
+        if len(builder.initial_row) == size:
+            return builder.table()
+        builder.add(draw(rng))
+    raise TooLargeError(
+        f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {DRAWS_PER_TASK * size} draws: '
+        f"{builder.too_long} had a row of more than {length} tokens, {builder.too_many} too many states for the "
+        f"{rows} rows together, {builder.repeated} came twice; raise the caps on tokens and rows, or ask for fewer "
+        "formulas"
+    )
+
+
+class _Builder:
+    """A pool under construction. Rows of different tasks that show the same formula are one row."""
+
+    def __init__(self, names: tuple[str, ...], alphabet: str, rows: int, length: int) -> None:
+        everything = list(range(len(names)))
+        check_cells(rows, len(names), alphabet)
+        self.names, self.alphabet, self.rows, self.length = names, alphabet, rows, length
+        self.weights = letter_weights(len(names), everything, alphabet)
+        letters = len(names) + 1 if alphabet == AT_MOST_ONE else 2 ** len(names)
+        # Rows start as copies of false, which is also what the left-over ones stay.
+        self.tokens = np.zeros((rows, length), np.int32)
+        self.tokens[:, 0] = vocabulary.OPERATOR_ID["False"]
+        self.tokens[0, 0] = vocabulary.OPERATOR_ID["True"]
+        self.next_row = np.ones((rows, letters), np.int32)
+        self.next_row[0] = 0
+        self.verdict = np.full(rows, -1, np.int8)
+        self.verdict[0] = 1
+        self.row_of: dict[tuple[int, ...], int] = {}
+        self.used = 2
+        self.initial_row: list[int] = []
+        self.too_long = self.too_many = self.repeated = 0
+
+    def add(self, formula: Formula) -> None:
+        """Take in a formula, or count why not."""
+        try:
+            automaton = build([formula], self.names, self.alphabet, max_rows=self.rows)
+        except TooLargeError:
+            self.too_many += 1
+            return
+        start = int(automaton.initial_row[0])
+        fresh = [row for row in range(2, len(automaton.tokens)) if automaton.tokens[row] not in self.row_of]
+        if start < 2 or self.row_of.get(automaton.tokens[start]) in self.initial_row:
+            self.repeated += 1
+        elif max(map(len, automaton.tokens)) > self.length:
+            self.too_long += 1
+        elif len(fresh) > self.rows - self.used:
+            self.too_many += 1
+        else:
+            self._take(automaton, fresh)
+            self.initial_row.append(self.row_of[automaton.tokens[start]])
+
+    def _take(self, automaton: Automaton, fresh: list[int]) -> None:
+        for row in fresh:
+            self.row_of[automaton.tokens[row]] = self.used
+            self.used += 1
+        # Equal formulas have equal futures, so rows that were there already stay as they are.
+        new_row = np.array([0, 1, *(self.row_of[tokens] for tokens in automaton.tokens[2:])], np.int32)
+        columns = self._columns(automaton.letter_weights)
+        for row in fresh:
+            target = new_row[row]
+            self.tokens[target] = 0
+            self.tokens[target, : len(automaton.tokens[row])] = automaton.tokens[row]
+            self.next_row[target] = new_row[automaton.next_row[row, columns]]
+            self.verdict[target] = 0
+
+    def _columns(self, weights: np.ndarray) -> np.ndarray:
+        """Per letter of the pool, the letter of a formula's own automaton: int `[letters]`."""
+        if self.alphabet == AT_MOST_ONE:
+            return np.concatenate([[0], weights])
+        letters = np.arange(self.next_row.shape[1])[:, None]
+        return (letters >> np.arange(len(self.names)) & 1) @ weights
+
+    def table(self) -> TaskTable:
+        arrays = {
+            "tokens": self.tokens,
+            "mask": self.tokens != vocabulary.PADDING,
+            "next_row": self.next_row,
+            "verdict": self.verdict,
+            "initial_row": np.array(self.initial_row, np.int32),
+            "letter_weights": self.weights,
+        }
+        return TaskTable(**jax.device_put(arrays), propositions=self.names, alphabet=self.alphabet)

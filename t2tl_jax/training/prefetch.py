@@ -1,0 +1,31 @@
+"""Work for the host, done ahead of time in a thread while the device trains."""
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Prefetch(Generic[T]):
+    """``make(0)``, ``make(1)``, ...: after one has been asked for, the next one is made. Use as a context manager."""
+
+    def __init__(self, make: Callable[[int], T]) -> None:
+        self._make = make
+        self._executor = ThreadPoolExecutor(max_workers=1)
+        self._ahead: dict[int, Future[T]] = {}
+
+    def __enter__(self) -> "Prefetch[T]":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown(wait=True, cancel_futures=True)
+
+    def get(self, number: int) -> T:
+        """What ``make(number)`` returns or raises."""
+        value = self._start(number).result()
+        self._ahead = {number + 1: self._start(number + 1)}
+        return value
+
+    def _start(self, number: int) -> "Future[T]":
+        return self._ahead.get(number) or self._executor.submit(self._make, number)
