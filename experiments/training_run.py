@@ -91,8 +91,7 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
     changed = [
         field.name
         for field in dataclasses.fields(Config)
-        if field.name not in ("frames", "convergence", "run")
-        and getattr(config, field.name) != getattr(stored, field.name)
+        if field.name not in CHANGEABLE and getattr(config, field.name) != getattr(stored, field.name)
     ]
     if changed:
         raise UserError(

@@ -145,3 +145,20 @@ def test_a_folder_in_use_is_refused(finished, resume, capsys):
     with locked(RunFolder(folder)):
         assert resume(folder) == 2
     assert "another process" in capsys.readouterr().err
+
+
+def test_a_run_stops_when_it_has_converged(train, resume, read_json, capsys):
+    flags = ("--convergence.window", "5", "--convergence.delta", "10", "--run.evaluation-episodes", "0")
+    folder = train("--frames", "5e3", *flags)
+    status = read_json(folder / "status.json")
+    assert status["state"] == "finished" and 10 <= status["iteration"] < 50
+    assert f"converged after iteration {status['iteration']} of at most 50" in capsys.readouterr().out
+    assert resume(folder) == 0
+    assert "training has converged" in capsys.readouterr().out
+    assert read_json(folder / "status.json")["iteration"] == status["iteration"]
+
+    stopped = train("--frames", "500", *flags)
+    assert resume(stopped, "--frames", "5e3") == 0
+    assert_same_run(folder, stopped, (0,))
+    assert resume(folder, "--convergence.window", "0") == 0
+    assert read_json(folder / "status.json")["iteration"] == 50

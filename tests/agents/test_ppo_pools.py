@@ -1,0 +1,100 @@
+"""PPO on tasks that change: one compilation, episodes of the new tasks only, padding without any influence."""
+
+import dataclasses
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from envs.single_state import EPISODE_LENGTH, SingleState
+from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.ltl import compile_pool, compile_tasks, named_task
+from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.task_env import TaskEnv
+
+NETWORK = NetworkConfig(
+    transformer=TransformerConfig(layers=1, width=32, heads=2, feed_forward=64, output=8),
+    env_layers=(),
+    actor_layers=(),
+    critic_layers=(),
+)
+PPO = PPOConfig(num_envs=8, rollout_steps=16, epochs=1, minibatch_size=64, discount=0.9, learning_rate=3e-3)
+
+
+def pool(number):
+    env = SingleState()
+    return compile_pool("Until_1_2_1_1", env.propositions, env.alphabet, number, size=8, rows=64, length=14)
+
+
+@pytest.fixture(scope="module")
+def learner():
+    """(agent, init, iterate, renew), compiled once; a second trace is an error."""
+    agent = make_ppo(TaskEnv(SingleState(), pool("evaluation")), NETWORK, PPO, 20, iterations=10, renewable=True)
+    iterate = jax.jit(chex.assert_max_traces(agent.iterate, n=1))
+    return agent, jax.jit(agent.init), iterate, jax.jit(chex.assert_max_traces(agent.renew, n=1))
+
+
+def test_tables_take_turns_in_one_program(learner):
+    agent, init, iterate, renew = learner
+    state = init(jax.random.key(0))
+    for number in range(3):
+        best, key = state.best_params, state.key
+        state = renew(state, pool(number))
+        chex.assert_trees_all_equal(state.table, pool(number))
+        chex.assert_trees_all_equal(state.best_params, best)
+        assert state.best_score == -np.inf and (state.episodes.elapsed == 0).all()
+        assert jax.random.key_data(state.key).tolist() != jax.random.key_data(key).tolist()
+        rows = np.asarray(state.episodes.state.pipeline_state.row)
+        assert set(rows) <= set(np.asarray(state.table.initial_row)) and len(set(rows)) > 1
+        for _ in range(2):
+            state, metrics = iterate(state)
+        assert metrics.episodes.episodes > 0 and all(np.isfinite(x) for x in metrics.scalars.values())
+    assert state.iteration == 6
+    assert agent.embed(state.params).shape == (64, 8)  # of the environment's own table
+
+
+def test_left_over_rows_have_no_influence(learner):
+    _, init, iterate, renew = learner
+    table = pool(0)
+    unused = jnp.arange(64) > jnp.flatnonzero(table.verdict == 0).max()
+    assert unused.sum() > 10
+    other = table.replace(
+        tokens=jnp.where(unused[:, None], table.tokens[2], table.tokens),
+        mask=jnp.where(unused[:, None], table.mask[2], table.mask),
+        next_row=jnp.where(unused[:, None], 0, table.next_row),
+    )
+    one, same = (iterate(renew(init(jax.random.key(1)), tasks))[0] for tasks in (table, other))
+    chex.assert_trees_all_equal(one.params, same.params)
+    chex.assert_trees_all_equal(one.episodes, same.episodes)
+
+
+def test_a_random_start_among_open_rows_never_takes_a_left_over_one():
+    env = TaskEnv(SingleState(), pool(0), simultaneous=1.0)
+    state = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.key(0), 500))
+    assert (env.table.verdict[state.pipeline_state.row] == 0).all()
+
+
+@pytest.mark.slow
+def test_pretraining_learns_phi_zone_quickly():
+    """A small network; the published one needs 200,000 frames with its schedule to get to 3.15 steps."""
+    env = SingleState()
+    table = compile_tasks([named_task("phi_zone")], env.propositions, env.alphabet)
+    config = dataclasses.replace(
+        PPO,
+        num_envs=64,
+        rollout_steps=32,
+        epochs=4,
+        minibatch_size=512,
+        gae_lambda=0.5,
+        entropy_coefficient=0.01,
+        staggered_start=False,
+    )
+    agent = make_ppo(TaskEnv(env, table), NETWORK, config, EPISODE_LENGTH, iterations=40)
+    state, iterate = jax.jit(agent.init)(jax.random.key(0)), jax.jit(agent.iterate)
+    for _ in range(40):
+        state, metrics = iterate(state)
+    totals = metrics.episodes
+    assert totals.successes == totals.episodes and totals.length / totals.episodes < 3.2  # at random 12
