@@ -21,7 +21,7 @@ from t2tl_jax.training.convergence import ConvergenceConfig
 ENCODER = ("--network.task-encoder", "gru", "--network.gru.width", "8", "--network.gru.output", "4")
 QUIET = ("--run.progress", "False", "--run.gif", "False")
 SMALL = (
-    *(*ENCODER, *QUIET, "--run.evaluation-episodes", "4"),
+    *(*ENCODER, *QUIET, "--run.evaluation-episodes", "0"),
     *("--ppo.num-envs", "8", "--ppo.rollout-steps", "16", "--ppo.minibatch-size", "64", "--ppo.epochs", "1"),
     *("--pool.size", "4", "--pool.rows", "32", "--pool.length", "14", "--pool.period", "2"),
     *("--convergence.window", "0", "--episode-length", "20"),
@@ -51,7 +51,9 @@ def encoder_of(folder: Path, which="best"):
 @pytest.mark.slow
 def test_pools_change_and_a_resumed_run_meets_the_same_ones(command, capsys):
     """Stopped in the middle of a pool's time, and at its end."""
-    long = command("--task", "Until_1_2_1_1", "--frames", "768")  # six iterations, three pools
+    long = command(
+        "--task", "Until_1_2_1_1", "--frames", "768", "--run.evaluation-episodes", "4"
+    )  # six iterations, three pools
     assert "4 random formulas for 2 iterations" in capsys.readouterr().out
     short = command("--task", "Until_1_2_1_1", "--frames", "384")
     for frames in ("512", "768"):
@@ -107,7 +109,7 @@ def stored(tmp_path):
         (
             {"network": NetworkConfig(task_encoder="gru")},
             {},
-            "of kind gru, and this run has transformer; set --network",
+            "of kind gru, and this run has transformer; set",
         ),
         ({}, {"network": NetworkConfig(transformer=TransformerConfig(layers=2))}, "network.transformer.layers=2"),
         ({"env": SingleStateConfig(("a", "b"))}, {}, "over a, b, in this order; this environment has Black, White"),
