@@ -7,9 +7,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import jax
+import jax.numpy as jnp
 from flax import struct
 
 Params = Any  # the variables of a Flax module
+PolicyMemory = Any  # a pytree: what a policy carries from step to step of an episode
 
 
 @struct.dataclass
@@ -51,14 +53,28 @@ class Agent(NamedTuple):
     init(key) -> train_state
     iterate(train_state) -> (train_state, Metrics); advances training by `frames_per_iteration` environment steps
     embed(params) -> float32[rows, dim]: the task encoder's output for every row of the task table, computed once
-    act(params, embedding, obs, row, key, deterministic) -> action; obs [..., O], row int32[...]
+    begin() -> memory of one environment: what the policy remembers of an episode, at its start; () for nothing
+    act(params, embedding, memory, obs, row, key, deterministic) -> action; obs [..., O], row int32[...]
+    remember(params, memory, obs, action, reward) -> memory after a step: `action` was taken on `obs`, `reward` [...]
+        followed. When the episode ends, go on with `begin()`.
     renew(train_state, table) -> train_state that goes on with the tasks of another table of the same shapes; None for
     learners whose tasks are fixed. The state then has the current table as its attribute `table`.
+
+    The arrays of a memory have the leading axes of `obs`.
     """
 
     init: Callable[[jax.Array], Any]
     iterate: Callable[[Any], tuple[Any, Metrics]]
     embed: Callable[[Params], jax.Array]
-    act: Callable[[Params, jax.Array, jax.Array, jax.Array, jax.Array, bool], jax.Array]
+    act: Callable[[Params, jax.Array, PolicyMemory, jax.Array, jax.Array, jax.Array, bool], jax.Array]
     frames_per_iteration: int
     renew: Callable[[Any, Any], Any] | None = None
+    begin: Callable[[], PolicyMemory] = lambda: ()
+    remember: Callable[[Params, PolicyMemory, jax.Array, jax.Array, jax.Array], PolicyMemory] = (
+        lambda params, memory, obs, action, reward: memory
+    )
+
+
+def repeated(memory: PolicyMemory, size: int) -> PolicyMemory:
+    """The same memory for each of `size` environments, leading axis [size]."""
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (size, *x.shape)), memory)

@@ -33,10 +33,44 @@ class ProbeEnv(LabelledEnv):
         return State(last_action, jnp.ones(3), jnp.float32(0), jnp.float32(0))
 
 
+class CueEnv(ProbeEnv):
+    """A cue is shown at the start and decides two steps later which sign of the action makes Up, and which Down.
+
+    Without memory half of the episodes go wrong. An action between -0.5 and 0.5 decides nothing, and there is no second
+    chance.
+    """
+
+    delay = 2
+
+    def reset(self, rng: jax.Array) -> State:
+        cue = jnp.where(jax.random.bernoulli(rng), 1.0, -1.0)
+        return self._cued(cue, jnp.float32(0), jnp.float32(0))
+
+    def step(self, state: State, action: jax.Array) -> State:
+        cue, age, _ = state.pipeline_state
+        return self._cued(cue, age + 1, jnp.where(age == self.delay, cue * action[0], 0.0))
+
+    def labels(self, state: State) -> jax.Array:
+        return jnp.stack([state.pipeline_state[2] > 0.5, state.pipeline_state[2] < -0.5])
+
+    def _cued(self, cue: jax.Array, age: jax.Array, outcome: jax.Array) -> State:
+        obs = jnp.stack([cue * (age == 0), age == self.delay, jnp.ones(())])
+        return State(jnp.stack([cue, age, outcome]), obs, jnp.float32(0), jnp.float32(0))
+
+
 class DiscreteProbeEnv(ProbeEnv):
-    """The same with three actions: nothing, Up, Down."""
+    """`ProbeEnv` with three actions: nothing, Up, Down."""
 
     num_actions = 3
 
     def step(self, state: State, action: jax.Array) -> State:
         return self._state(jnp.array([0.0, 1.0, -1.0])[action])
+
+
+class DiscreteCueEnv(CueEnv):
+    """`CueEnv` with the same three actions."""
+
+    num_actions = 3
+
+    def step(self, state: State, action: jax.Array) -> State:
+        return super().step(state, jnp.array([[0.0], [1.0], [-1.0]])[action])

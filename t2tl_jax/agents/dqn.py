@@ -16,8 +16,9 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 
-from t2tl_jax.agent import Agent, Metrics, Params
+from t2tl_jax.agent import Agent, Metrics, Params, repeated
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.context import Memory, without_newest, without_oldest
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.best import keep_best
@@ -96,6 +97,7 @@ class Transition:
     row: jax.Array  # int32
     letter: jax.Array  # int32, the labels of s'
     cut: jax.Array  # bool, ended by the time limit
+    steps: Memory = ()  # with context: the window that the policy acted on and, in one slot more, this step
 
 
 @struct.dataclass
@@ -107,6 +109,7 @@ class DQNState:
     target_embedding: jax.Array  # float32[rows, dim], the rows encoded by the target network
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
+    memory: Memory  # the context window of every environment, leading axis [N]; () without context
     buffer: Any  # flashbax's state
     key: jax.Array
     iteration: jax.Array  # int32
@@ -170,21 +173,23 @@ def dqn_loss(
     `embedding` is what `params` make of the table's rows, float32[rows, dim], `target_embedding` likewise.
     """
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
+    before, after = without_newest(batch.steps), without_oldest(batch.steps)  # the windows at s and at s'
     if config.simultaneous:
         # s and s' go through the online network together: half as many kernels, and small batches are bound by latency.
-        both = apply(params, jnp.concatenate([batch.obs, batch.next_obs]), embedding, method="every_row")
+        states, windows = jax.tree.map(lambda *x: jnp.concatenate(x), (batch.obs, before), (batch.next_obs, after))
+        both = apply(params, states, embedding, windows, method="every_row")
         q, online = jnp.split(both, 2)  # [B, rows, A]
-        target = apply(target_params, batch.next_obs, target_embedding, method="every_row")
+        target = apply(target_params, batch.next_obs, target_embedding, after, method="every_row")
         goal = targets(config, table, online, target, batch.letter, batch.cut)
         learns = jnp.broadcast_to(table.is_open, goal.shape)
     else:
         next_row, reward = table.step(batch.row, batch.letter)  # [B]
-        q = apply(params, batch.obs, embedding, batch.row)[:, None]  # [B, 1, A]
-        target = apply(target_params, batch.next_obs, target_embedding, next_row)[:, None]
+        q = apply(params, batch.obs, embedding, batch.row, before)[:, None]  # [B, 1, A]
+        target = apply(target_params, batch.next_obs, target_embedding, next_row, after)[:, None]
         if config.double or config.printed_argmax:
             which, coded = (params, embedding) if config.double else (target_params, target_embedding)
             row = batch.row if config.printed_argmax else next_row
-            chooser = apply(which, batch.next_obs, coded, row)[:, None]
+            chooser = apply(which, batch.next_obs, coded, row, after)[:, None]
         else:
             chooser = target
         goal = bellman(config, table, next_row[:, None], reward[:, None], chooser, target, batch.cut)
@@ -221,18 +226,37 @@ def make_dqn(
         return apply(params, table, method="embed")
 
     def choose(
-        params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, share: jax.Array | float
+        params: Params,
+        embedding: jax.Array,
+        memory: Memory,
+        obs: jax.Array,
+        row: jax.Array,
+        key: jax.Array,
+        share: jax.Array | float,
     ) -> jax.Array:
-        q = apply(params, obs.reshape(-1, obs.shape[-1]), embedding, row.reshape(-1))
+        obs, memory = jax.tree.map(lambda x: x.reshape(-1, *x.shape[row.ndim :]), (obs, memory))
+        q = apply(params, obs, embedding, row.reshape(-1), memory)
         greedy = q.argmax(axis=-1).astype(jnp.int32).reshape(row.shape)
         which_key, action_key = jax.random.split(key)
         random = jax.random.randint(action_key, greedy.shape, 0, num_actions)
         return jnp.where(jax.random.uniform(which_key, greedy.shape) < share, random, greedy)
 
     def act(
-        params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, deterministic: bool
+        params: Params,
+        embedding: jax.Array,
+        memory: Memory,
+        obs: jax.Array,
+        row: jax.Array,
+        key: jax.Array,
+        deterministic: bool,
     ) -> jax.Array:
-        return choose(params, embedding, obs, row, key, 0.0 if deterministic else config.epsilon_end)
+        return choose(params, embedding, memory, obs, row, key, 0.0 if deterministic else config.epsilon_end)
+
+    def begin_memory() -> Memory:
+        return network.begin(env.observation_size)
+
+    def remember(params: Params, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
+        return apply(params, memory, obs, action, reward, method="remember")
 
     def init(key: jax.Array) -> DQNState:
         params_key, episodes_key, limit_key, key = jax.random.split(key, 4)
@@ -241,15 +265,18 @@ def make_dqn(
         limits = limits if config.num_envs > 1 else jnp.full(1, episode_length)
         keys = jax.random.split(episodes_key, config.num_envs)
         episodes = jax.vmap(partial(begin, env))(keys, limits, jnp.arange(config.num_envs))
-        params = network.init(params_key, table, episodes.state.obs, method="initialise")
+        memory = repeated(begin_memory(), config.num_envs)
+        params = network.init(params_key, table, episodes.state.obs, memory, method="initialise")
         obs = episodes.state.obs[0]
-        blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), jnp.int32(0), jnp.bool_(False))
+        steps = apply(params, begin_memory(), obs, jnp.int32(0), jnp.float32(0), method="extend")
+        blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), jnp.int32(0), jnp.bool_(False), steps)
         return DQNState(
             params=params,
             target_params=params,
             target_embedding=embed(params),
             opt_state=optimizer.init(params),
             episodes=episodes,
+            memory=memory,
             buffer=replay.init(blank),
             key=key,
             iteration=jnp.int32(0),
@@ -261,13 +288,15 @@ def make_dqn(
         """One step of all environments, stored."""
         act_key, reset_key = jax.random.split(key)
         obs, row = state.episodes.state.obs, state.episodes.state.pipeline_state.row
-        action = choose(state.params, embedding, obs, row, act_key, epsilon(config, step / total_steps))
+        action = choose(state.params, embedding, state.memory, obs, row, act_key, epsilon(config, step / total_steps))
         outcome: Outcome
         episodes, outcome = jax.vmap(advance, (None, 0, 0, 0, None, None))(
             env, state.episodes, action, jax.random.split(reset_key, config.num_envs), episode_length, config.discount
         )
-        stored = Transition(obs, action, outcome.next_obs, row, outcome.letter, outcome.truncated)
-        return replace(state, episodes=episodes, buffer=replay.add(state.buffer, stored)), outcome
+        steps = apply(state.params, state.memory, obs, action, outcome.reward, method="extend")
+        stored = Transition(obs, action, outcome.next_obs, row, outcome.letter, outcome.truncated, steps)
+        memory = network.next_episode(without_oldest(steps), outcome.terminated | outcome.truncated)
+        return replace(state, episodes=episodes, memory=memory, buffer=replay.add(state.buffer, stored)), outcome
 
     def encode(state: DQNState, count: jax.Array) -> tuple[DQNState, jax.Array, Callable]:
         """The rows of the table, encoded once for acting, learning and the target's copy, which comes every so often.
@@ -344,4 +373,12 @@ def make_dqn(
             best_score=best_score,
         ), Metrics(episodes=totals, scalars=scalars)
 
-    return Agent(init=init, iterate=iterate, embed=embed, act=act, frames_per_iteration=config.frames_per_iteration)
+    return Agent(
+        init=init,
+        iterate=iterate,
+        embed=embed,
+        act=act,
+        frames_per_iteration=config.frames_per_iteration,
+        begin=begin_memory,
+        remember=remember,
+    )

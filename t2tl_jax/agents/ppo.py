@@ -14,12 +14,13 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 
-from t2tl_jax.agent import Agent, EpisodeTotals, Metrics, Params
+from t2tl_jax.agent import Agent, EpisodeTotals, Metrics, Params, repeated
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
+from t2tl_jax.networks.context import Memory
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.best import keep_best
-from t2tl_jax.training.episodes import Episode, begin
+from t2tl_jax.training.episodes import Episode, Outcome, begin
 from t2tl_jax.training.rollout import Transitions, generalised_advantages, rollout
 
 
@@ -106,6 +107,7 @@ class PPOState:
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
     noise: jax.Array | None  # float32[N, A], the last exploration noise (unit variance); None for discrete actions
+    memory: Memory  # the context window of every environment, leading axis [N]; () without context
     key: jax.Array
     iteration: jax.Array  # int32
     best_params: Params
@@ -123,6 +125,10 @@ class Batch:
     log_prob: jax.Array
     value: jax.Array
     advantage: jax.Array
+    memory: Memory = ()  # the window that acted
+
+
+Known = tuple[jax.Array | None, Memory]  # what acting carries from step to step: exploration noise and context window
 
 
 def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
@@ -136,7 +142,7 @@ def ppo_loss(
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
     """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [B, dim]."""
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
-    distribution, value = apply(params, batch.obs, task)
+    distribution, value = apply(params, batch.obs, task, batch.memory)
     ratio = jnp.exp(distribution.log_prob(batch.action) - batch.log_prob)
     advantage = batch.advantage
     if config.normalise_advantage:
@@ -176,7 +182,7 @@ def make_ppo(
     `iterations` is the length of the run, which schedules refer to. With `renewable`, the table that is trained on is
     part of the state: that of `env` until `renew` puts another one in its place. `embed` always encodes that of `env`.
     """
-    discrete = env.num_actions is not None
+    context, discrete = network_config.context, env.num_actions is not None
     network = ActorCritic(network_config, env.num_actions or env.action_size, discrete)
     apply: Callable[..., Any] = network.apply  # as in ppo_loss
     gradient_steps = iterations * config.epochs * config.num_minibatches
@@ -196,11 +202,23 @@ def make_ppo(
     def embed(params: Params, table: TaskTable = env.table) -> jax.Array:
         return apply(params, table, method="embed")
 
+    def begin_memory() -> Memory:
+        return network.begin(env.observation_size)
+
     def act(
-        params: Params, embedding: jax.Array, obs: jax.Array, row: jax.Array, key: jax.Array, deterministic: bool
+        params: Params,
+        embedding: jax.Array,
+        memory: Memory,
+        obs: jax.Array,
+        row: jax.Array,
+        key: jax.Array,
+        deterministic: bool,
     ) -> jax.Array:
-        distribution = apply(params, obs, embedding[row], method="policy")
+        distribution = apply(params, obs, embedding[row], memory, method="policy")
         return distribution.mode() if deterministic else distribution.sample(key)[0]
+
+    def remember(params: Params, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
+        return apply(params, memory, obs, action, reward, method="remember")
 
     def begin_all(world: TaskEnv, key: jax.Array, limit_key: jax.Array) -> Episode:
         keys = jax.random.split(key, config.num_envs)
@@ -212,14 +230,16 @@ def make_ppo(
     def init(key: jax.Array) -> PPOState:
         params_key, episodes_key, limit_key, noise_key, key = jax.random.split(key, 5)
         episodes = begin_all(env, episodes_key, limit_key)
+        memory = repeated(begin_memory(), config.num_envs)
         params = network.init(
-            params_key, env.table, episodes.state.obs, episodes.state.pipeline_state.row, method="initialise"
+            params_key, env.table, episodes.state.obs, episodes.state.pipeline_state.row, memory, method="initialise"
         )
         return PPOState(
             params=params,
             opt_state=optimizer.init(params),
             episodes=episodes,
             noise=None if discrete else jax.random.normal(noise_key, (config.num_envs, env.action_size)),
+            memory=memory,
             key=key,
             iteration=jnp.int32(0),
             best_params=params,
@@ -231,32 +251,56 @@ def make_ppo(
         """Episodes under way are dropped: their rows mean nothing in the new table. So do scores on other tasks."""
         episodes_key, limit_key, key = jax.random.split(state.key, 3)
         episodes = begin_all(env.with_table(table), episodes_key, limit_key)
-        return replace(state, episodes=episodes, key=key, best_score=jnp.float32(-jnp.inf), table=table)
+        memory = network.next_episode(state.memory, jnp.ones(config.num_envs, bool))
+        return replace(state, episodes=episodes, memory=memory, key=key, best_score=jnp.float32(-jnp.inf), table=table)
 
-    def collect(
-        world: TaskEnv, state: PPOState, key: jax.Array
-    ) -> tuple[jax.Array | None, Episode, Transitions, EpisodeTotals]:
+    def collect(world: TaskEnv, state: PPOState, key: jax.Array) -> tuple[Known, Episode, Transitions, EpisodeTotals]:
         embedding = embed(state.params, world.table)
         correlation = noise_correlation(config, state.iteration / iterations)
 
-        def policy(noise: jax.Array | None, obs: jax.Array, row: jax.Array, key: jax.Array):
-            distribution = apply(state.params, obs, embedding[row], method="policy")
+        def policy(known: Known, obs: jax.Array, row: jax.Array, key: jax.Array):
+            noise, memory = known
+            distribution = apply(state.params, obs, embedding[row], memory, method="policy")
             # White noise on this bang-bang robot averages out within a metre; noise that persists carries it along.
             # Every action by itself still has the policy's distribution, whose density the loss uses.
             action, noise = distribution.sample(key, noise, correlation)
-            return noise, action, distribution.log_prob(action)
+            return (noise, memory), action, distribution.log_prob(action)
+
+        def go_on(known: Known, obs: jax.Array, action: jax.Array, outcome: Outcome) -> Known:
+            noise, memory = known
+            memory = remember(state.params, memory, obs, action, outcome.reward)
+            return noise, network.next_episode(memory, outcome.terminated | outcome.truncated)
 
         return rollout(
-            world, policy, state.noise, state.episodes, key, config.rollout_steps, episode_length, config.discount
+            world,
+            policy,
+            (state.noise, state.memory),
+            state.episodes,
+            key,
+            config.rollout_steps,
+            episode_length,
+            config.discount,
+            go_on,
         )
 
     def make_batch(table: TaskTable, params: Params, transitions: Transitions) -> Batch:
         embedding = embed(params, table)
-        value = apply(params, transitions.obs, embedding[transitions.row], method="value")
-        next_value = apply(params, transitions.next_obs, embedding[transitions.next_row], method="value")
+
+        def evaluate(steps: Transitions) -> tuple[jax.Array, jax.Array]:
+            _, memory = steps.memory
+            after = remember(params, memory, steps.obs, steps.action, steps.reward)  # at s', before any reset
+            value = apply(params, steps.obs, embedding[steps.row], memory, method="value")
+            return value, apply(params, steps.next_obs, embedding[steps.next_row], after, method="value")
+
+        if context is None:
+            value, next_value = evaluate(transitions)
+        else:  # a token of a window takes much more memory than a value, so no more samples at once than in the update
+            at_once = max(1, config.minibatch_size // config.num_envs)
+            value, next_value = jax.lax.map(evaluate, transitions, batch_size=min(at_once, config.rollout_steps))
         terminated, truncated = transitions.terminated, transitions.truncated
         if config.timeout_is_terminal:
             terminated, truncated = terminated | truncated, jnp.zeros_like(truncated)
+        _, memory = transitions.memory
         advantage = generalised_advantages(
             transitions.reward, value, next_value, terminated, truncated, config.discount, config.gae_lambda
         )
@@ -267,8 +311,14 @@ def make_ppo(
             log_prob=transitions.log_prob,
             value=value,
             advantage=advantage,
+            memory=misaligned(memory) if context is not None and not context.aligned else memory,
         )
         return jax.tree.map(lambda x: x.reshape(config.batch_size, *x.shape[2:]), batch)
+
+    def misaligned(memory: Memory) -> Memory:
+        """Windows as published: flattened by time and then environment, beside samples in the opposite order."""
+        shape = (config.num_envs, config.rollout_steps)
+        return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[2:]).swapaxes(0, 1), memory)
 
     def gradient_step(table: TaskTable, carry: tuple[Params, optax.OptState], minibatch: Batch):
         params, opt_state = carry
@@ -295,7 +345,7 @@ def make_ppo(
         world = world_of(state)
 
         # COLLECT
-        noise, episodes, transitions, totals = collect(world, state, rollout_key)
+        (noise, memory), episodes, transitions, totals = collect(world, state, rollout_key)
 
         # ADVANTAGE
         batch = make_batch(world.table, state.params, transitions)
@@ -314,6 +364,7 @@ def make_ppo(
             opt_state=opt_state,
             episodes=episodes,
             noise=noise,
+            memory=memory,
             key=key,
             iteration=state.iteration + 1,
             best_params=best_params,
@@ -329,4 +380,6 @@ def make_ppo(
         act=act,
         frames_per_iteration=config.frames_per_iteration,
         renew=renew if renewable else None,
+        begin=begin_memory,
+        remember=remember,
     )

@@ -115,7 +115,7 @@ def record(
     Args:
         env: a ``TaskEnv``.
         view: of the environment inside.
-        agent: offers ``embed`` and ``act``.
+        agent: offers ``embed``, ``begin``, ``act`` and ``remember``.
         params: of one seed.
         key: a single key.
         episode_length: time limit in steps.
@@ -130,12 +130,14 @@ def record(
         reset_key, act_key = jax.random.split(key)
         first = env.reset(reset_key)
 
-        def step(state: Any, key: jax.Array) -> tuple[Any, tuple]:
-            action = agent.act(params, embedding, state.obs, env.row(state), key, deterministic)
-            state = env.step(state, action)
-            return state, (look(state), env.verdict(state), state.done)
+        def step(carry: tuple, key: jax.Array) -> tuple[tuple, tuple]:
+            state, memory = carry
+            action = agent.act(params, embedding, memory, state.obs, env.row(state), key, deterministic)
+            moved = env.step(state, action)
+            memory = agent.remember(params, memory, state.obs, action, moved.reward)
+            return (moved, memory), (look(moved), env.verdict(moved), moved.done)
 
-        _, steps = jax.lax.scan(step, first, jax.random.split(act_key, episode_length))
+        _, steps = jax.lax.scan(step, (first, agent.begin()), jax.random.split(act_key, episode_length))
         return look(first), steps
 
     first, (seen, verdicts, done) = jax.device_get(jax.jit(play)(params, key))

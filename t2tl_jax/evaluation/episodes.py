@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from flax import struct
 
-from t2tl_jax.agent import Agent, Params
+from t2tl_jax.agent import Agent, Params, repeated
 
 
 class Environment(Protocol):
@@ -67,15 +67,16 @@ def play(
     )
 
     def under_way(carry: tuple) -> jax.Array:
-        _, outcome, step = carry
+        _, _, outcome, step = carry
         return (step < episode_length) & ~(outcome.success | outcome.violation).all()
 
     def advance(carry: tuple) -> tuple:
-        state, outcome, step = carry
+        state, memory, outcome, step = carry
         alive = ~(outcome.success | outcome.violation)
         row = jax.vmap(env.row)(state)
-        action = agent.act(params, embedding, state.obs, row, jax.random.fold_in(act_key, step), deterministic)
+        action = agent.act(params, embedding, memory, state.obs, row, jax.random.fold_in(act_key, step), deterministic)
         moved = jax.vmap(env.step)(state, action)
+        memory = agent.remember(params, memory, state.obs, action, moved.reward)
         ended, verdict = alive & (moved.done > 0), jax.vmap(env.verdict)(moved)
         outcome = Episodes(
             success=outcome.success | (ended & (verdict > 0)),
@@ -83,9 +84,10 @@ def play(
             total_reward=outcome.total_reward + jnp.where(alive, moved.reward, 0.0),
             length=outcome.length + alive.astype(jnp.int32),
         )
-        return moved, outcome, step + 1
+        return moved, memory, outcome, step + 1
 
-    return jax.lax.while_loop(under_way, advance, (state, start, jnp.int32(0)))[1]
+    first = (state, repeated(agent.begin(), episodes), start, jnp.int32(0))
+    return jax.lax.while_loop(under_way, advance, first)[2]
 
 
 def evaluate_seeds(
@@ -100,7 +102,8 @@ def evaluate_seeds(
     """``play`` for every seed in one program, on the host: ``[seeds, episodes]``.
 
     Args:
-        of_seed: environment and learner (which offers ``embed`` and ``act``) as a function of the seed's number.
+        of_seed: environment and learner (of which ``embed``, ``begin``, ``act`` and ``remember`` are used) by the
+            seed's number.
         seeds: the numbers, ``int[seeds]``.
         params: with leading axis [seeds].
         keys: ``key[seeds]``, of the evaluation stream.

@@ -1,4 +1,4 @@
-"""The actor-critic of the published code: environment encoder, task embedding, actor, critic."""
+"""The actor-critic of the published code: environment encoder, task embedding, context, actor, critic."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from flax import linen as nn
 
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
 from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
 from t2tl_jax.networks.initializers import unit_norm
 from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, make_task_encoder
@@ -33,6 +34,8 @@ class NetworkConfig(TaskEncoderConfig):
     """Length of the value head's initial weights: 1 as published, 0 for a critic that starts without an opinion."""
     observation: Literal["symlog", "raw"] = "symlog"
     """Squash observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as published."""
+    context: ContextConfig | None = None
+    """The Transformer that reads the last steps of the episode (T2TL); None for a policy without memory (T1TL)."""
 
 
 def _mlp(x: jax.Array, sizes: tuple[int, ...], activation, name: str) -> jax.Array:
@@ -91,10 +94,11 @@ class Critic(nn.Module):
         return nn.Dense(1, kernel_init=unit_norm(self.output_scale), name="value")(x)[..., 0]
 
 
-class ActorCritic(nn.Module):
-    """Policy and value of (observation, task embedding); the task encoder is one of its parts.
+class ActorCritic(MemoryNetwork):
+    """Policy and value of (observation, task embedding, memory); the task encoder is one of its parts.
 
-    Call `embed` once per gradient step (or per rollout), then index the embedding by row.
+    Call `embed` once per gradient step (or per rollout), then index the embedding by row. Without context the memory is
+    `()`, and may be left out.
     """
 
     config: NetworkConfig
@@ -107,29 +111,46 @@ class ActorCritic(nn.Module):
         self.environment_encoder = EnvironmentEncoder(self.config)
         self.actor = Actor(self.config.actor_layers, self.action_size, self.config.mean_scale, self.discrete)
         self.critic = Critic(self.config.critic_layers, self.config.value_scale)
+        if self.config.context is not None:
+            self.context_encoder = ContextEncoder(self.config.context, self.action_size if self.discrete else None)
 
     def embed(self, table: TaskTable) -> jax.Array:
         """float32[rows, dim], one vector for every row of the table."""
         embedding = self.task_encoder(table)
         return jax.lax.stop_gradient(embedding) if self.config.freeze_task_encoder else embedding
 
-    def features(self, obs: jax.Array, task: jax.Array) -> jax.Array:
-        """obs [..., O], task [..., dim] -> [..., D], shared by actor and critic."""
-        return jnp.concatenate([self.environment_encoder(obs), task], axis=-1)
+    def see(self, obs: jax.Array) -> jax.Array:
+        """The environment encoder: obs [..., O] -> [..., env_layers[-1]]."""
+        return self.environment_encoder(obs)
 
-    def policy(self, obs: jax.Array, task: jax.Array) -> Distribution:
+    @nn.nowrap
+    def blank(self, observation_size: int) -> tuple[jax.Array, int]:
+        """An action, and the size of an embedded observation."""
+        action = jnp.int32(0) if self.discrete else jnp.zeros(self.action_size)
+        return action, (observation_size, *self.config.env_layers)[-1]
+
+    def features(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> jax.Array:
+        """obs [..., O], task [..., dim], memory of [...] environments -> [..., D], shared by actor and critic."""
+        parts = [self.environment_encoder(obs), task]
+        if self.config.context is not None:
+            parts.append(self.context(memory))
+        return jnp.concatenate(parts, axis=-1)
+
+    def policy(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> Distribution:
         """Distribution of the action, leading axes [...]."""
-        return self.actor(self.features(obs, task))
+        return self.actor(self.features(obs, task, memory))
 
-    def value(self, obs: jax.Array, task: jax.Array) -> jax.Array:
+    def value(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> jax.Array:
         """Value [...]."""
-        return self.critic(self.features(obs, task))
+        return self.critic(self.features(obs, task, memory))
 
-    def __call__(self, obs: jax.Array, task: jax.Array) -> tuple[Distribution, jax.Array]:
+    def __call__(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> tuple[Distribution, jax.Array]:
         """Distribution of the action and value from one pass through the shared features."""
-        features = self.features(obs, task)
+        features = self.features(obs, task, memory)
         return self.actor(features), self.critic(features)
 
-    def initialise(self, table: TaskTable, obs: jax.Array, row: jax.Array) -> tuple[Distribution, jax.Array]:
-        """Touch every part once, so that `init(key, table, obs, row, method="initialise")` makes all parameters."""
-        return self(obs, self.embed(table)[row])
+    def initialise(
+        self, table: TaskTable, obs: jax.Array, row: jax.Array, memory: Memory = ()
+    ) -> tuple[Distribution, jax.Array]:
+        """Touch every part once: `init(key, table, obs, row, memory, method="initialise")` makes all parameters."""
+        return self(obs, self.embed(table)[row], memory)

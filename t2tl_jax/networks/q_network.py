@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from flax import linen as nn
 
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
@@ -38,10 +39,20 @@ class QNetworkConfig(TaskEncoderConfig):
     output layer."""
     dueling: bool = True
     """Value and advantage apart (Wang et al., 2016), as in the reward-machine experiments."""
+    context: ContextConfig | None = None
+    """The Transformer that reads the last steps of the episode (T2TL); its output joins the state's trunk behind the
+    first layer, which also embeds the observations of the window. None for a policy without memory."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.context is not None and not self.context.aligned:
+            raise ValueError("context.aligned=False is a mistake in PPO's order of samples; replay has no such order")
+        if self.context is not None and not self.state_layers:
+            raise ValueError("a context needs a first layer of the state to embed observations, got state_layers=()")
 
 
-class QNetwork(nn.Module):
-    """Q(s, task, a). Call `embed` once per gradient step."""
+class QNetwork(MemoryNetwork):
+    """Q(s, task, a). Call `embed` once per gradient step. Without context the memory is `()`, and may be left out."""
 
     config: QNetworkConfig
     num_actions: int
@@ -51,6 +62,8 @@ class QNetwork(nn.Module):
         config = self.config
         self.task_encoder: TaskEncoder = make_task_encoder(config)
         self.state_encoder = [nn.Dense(size, kernel_init=HE) for size in (*config.state_layers, config.task_layer)]
+        if config.context is not None:
+            self.context_encoder = ContextEncoder(config.context, self.num_actions)
         if config.head == "bilinear":
             # One vector of weights for each action and one for the state's value.
             small = nn.initializers.variance_scaling(1.0 / config.task_layer, "fan_in", "truncated_normal")
@@ -68,10 +81,25 @@ class QNetwork(nn.Module):
         embedding = self.task_encoder(table)
         return jax.lax.stop_gradient(embedding) if self.config.freeze_task_encoder else embedding
 
-    def features(self, obs: jax.Array) -> jax.Array:
-        """obs [..., O] -> [..., task_layer], before the last activation; the same for all tasks."""
-        for layer in self.state_encoder[:-1]:
+    def see(self, obs: jax.Array) -> jax.Array:
+        """The first layer of the state: obs [..., O] -> [..., state_layers[0]]."""
+        return nn.relu(self.state_encoder[0](obs))
+
+    @nn.nowrap
+    def blank(self, observation_size: int) -> tuple[jax.Array, int]:
+        """An action, and the size of an embedded observation."""
+        del observation_size
+        return jnp.int32(0), self.config.state_layers[0]
+
+    def features(self, obs: jax.Array, memory: Memory = ()) -> jax.Array:
+        """obs [..., O], memory of [...] environments -> [..., task_layer], before the last activation.
+
+        The same for all tasks, which see no window of their own but the one of the policy that acted.
+        """
+        for i, layer in enumerate(self.state_encoder[:-1]):
             obs = nn.relu(layer(obs))
+            if i == 0 and self.config.context is not None:
+                obs = jnp.concatenate([obs, self.context(memory)], axis=-1)
         return self.state_encoder[-1](obs)
 
     def film(self, features: jax.Array, task: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -86,21 +114,21 @@ class QNetwork(nn.Module):
             return advantage
         return state_value + advantage - advantage.mean(axis=-1, keepdims=True)
 
-    def every_row(self, obs: jax.Array, embedding: jax.Array) -> jax.Array:
+    def every_row(self, obs: jax.Array, embedding: jax.Array, memory: Memory = ()) -> jax.Array:
         """Q of every row for each state: obs [B, O], embedding [rows, dim] -> [B, rows, actions]."""
-        features = self.features(obs)
+        features = self.features(obs, memory)
         if self.config.head == "film":
             return self.dueling(*self.film(features[:, None, :], embedding[None, :, :]))
         both = jnp.einsum("bd,rad->bra", nn.relu(features), self.weights(embedding)) + self.offsets(embedding)
         return self.dueling(both[..., 1:], both[..., :1])
 
-    def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array) -> jax.Array:
+    def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, memory: Memory = ()) -> jax.Array:
         """Q of one row for each state: obs [B, O], embedding [rows, dim], row int32[B] -> [B, actions]."""
         if self.config.head == "film":
-            return self.dueling(*self.film(self.features(obs), embedding[row]))
+            return self.dueling(*self.film(self.features(obs, memory), embedding[row]))
         # Each row's weights are too large to gather for each state; to compute all rows is one matrix product.
-        return jnp.take_along_axis(self.every_row(obs, embedding), row[:, None, None], axis=1)[:, 0]
+        return jnp.take_along_axis(self.every_row(obs, embedding, memory), row[:, None, None], axis=1)[:, 0]
 
-    def initialise(self, table: TaskTable, obs: jax.Array) -> jax.Array:
-        """Touch every part once, so that `init(key, table, obs, method="initialise")` makes all parameters."""
-        return self.every_row(obs, self.embed(table))
+    def initialise(self, table: TaskTable, obs: jax.Array, memory: Memory = ()) -> jax.Array:
+        """Touch every part once: `init(key, table, obs, memory, method="initialise")` makes all parameters."""
+        return self.every_row(obs, self.embed(table), memory)

@@ -65,12 +65,13 @@ class EncoderLayer(nn.Module):
     """Self-attention, then a position-wise network, each beside a skip: x' = MSA(LN x) + x, then MLP(LN x') + x'."""
 
     config: TransformerConfig
+    t_fixup_layers: int  # which T-Fixup scales the weights for
 
     @nn.compact
     def __call__(self, x: jax.Array, mask: jax.Array) -> jax.Array:
         """x [B, L, width], mask bool[B, L] -> [B, L, width]. Sows `attention_weights` [B, heads, L, L]."""
         config = self.config
-        scale = t_fixup_scale(config.layers) if config.t_fixup else 1.0
+        scale = t_fixup_scale(self.t_fixup_layers) if config.t_fixup else 1.0
         attention = nn.MultiHeadDotProductAttention(
             num_heads=config.heads,
             kernel_init=joint_qkv(scale * 2**0.5 if config.t_fixup else 1.0),
@@ -99,6 +100,7 @@ class TransformerEncoder(nn.Module):
     """Encoder layers, final layer norm, mean over the tokens, tanh head."""
 
     config: TransformerConfig
+    t_fixup_layers: int | None = None  # where T-Fixup is to scale for another number of layers than there are
 
     @nn.compact
     def __call__(self, x: jax.Array, mask: jax.Array) -> jax.Array:
@@ -107,7 +109,7 @@ class TransformerEncoder(nn.Module):
         if config.positions == "sinusoidal":
             x = x + sinusoidal_positions(x.shape[1], config.width)
         for layer in range(config.layers):
-            x = EncoderLayer(config, name=f"layer_{layer}")(x, mask)
+            x = EncoderLayer(config, self.t_fixup_layers or config.layers, name=f"layer_{layer}")(x, mask)
         x = nn.LayerNorm(epsilon=LAYER_NORM_EPSILON, name="final_norm")(x)
         x = jnp.mean(x, axis=1, where=mask[:, :, None] if config.masked else None)
         if config.norm_after_pooling:

@@ -9,7 +9,7 @@ from flax import struct
 
 from t2tl_jax.agent import EpisodeTotals
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.episodes import Episode, advance
+from t2tl_jax.training.episodes import Episode, Outcome, advance
 
 
 @struct.dataclass
@@ -25,12 +25,15 @@ class Transitions:
     truncated: jax.Array  # bool[T, N]
     next_obs: jax.Array  # float32[T, N, O], of s' before any reset
     next_row: jax.Array  # int32[T, N]
+    memory: Any  # what the policy remembered when it acted
 
 
 # (memory, obs [N, O], row [N], key) -> (memory, action [N, A], log_prob [N]); the memory is whatever the policy needs
 # to remember from step to step, such as the last exploration noise.
 Memory = Any
 Policy = Callable[[Memory, jax.Array, jax.Array, jax.Array], tuple[Memory, jax.Array, jax.Array]]
+# (memory, obs, action, outcome of the step) -> memory to go on with, in the next episode where this one has ended.
+Remember = Callable[[Memory, jax.Array, jax.Array, Outcome], Memory]
 
 
 def rollout(
@@ -42,6 +45,7 @@ def rollout(
     steps: int,
     limit: int,
     discount: float,
+    remember: Remember = lambda memory, obs, action, outcome: memory,
 ) -> tuple[Memory, Episode, Transitions, EpisodeTotals]:
     """Act for `steps` steps in the N environments of `episodes`; returns the totals of all episodes that ended."""
     num_envs = episodes.elapsed.shape[0]
@@ -50,7 +54,8 @@ def rollout(
         memory, episodes = carry
         act_key, reset_key = jax.random.split(key)
         obs, row = episodes.state.obs, episodes.state.pipeline_state.row
-        memory, action, log_prob = policy(memory, obs, row, act_key)
+        known = memory
+        memory, action, log_prob = policy(known, obs, row, act_key)
         reset_keys = jax.random.split(reset_key, num_envs)
         episodes, outcome = jax.vmap(advance, (None, 0, 0, 0, None, None))(
             env, episodes, action, reset_keys, limit, discount
@@ -65,7 +70,9 @@ def rollout(
             truncated=outcome.truncated,
             next_obs=outcome.next_obs,
             next_row=outcome.next_row,
+            memory=known,
         )
+        memory = remember(memory, obs, action, outcome)
         return (memory, episodes), (transition, outcome.totals)
 
     (memory, episodes), (transitions, totals) = jax.lax.scan(step, (memory, episodes), jax.random.split(key, steps))

@@ -133,7 +133,7 @@ def test_probe_is_solved(env, network):
     embedding, row, steps = agent.embed(state.params), env.table.initial_row[0], 0
     env_state = env.reset_to_row(jax.random.key(1), row)
     while not env_state.done and steps < 10:
-        action = agent.act(state.params, embedding, env_state.obs, env.row(env_state), jax.random.key(2), True)
+        action = agent.act(state.params, embedding, (), env_state.obs, env.row(env_state), jax.random.key(2), True)
         env_state, steps = env.step(env_state, action), steps + 1
     assert steps == 3 and env_state.reward == 1
 

@@ -65,7 +65,7 @@ def test_probe_is_solved_by_choosing_while_the_frozen_encoder_stays(probe):
     state, metrics = train(agent, 60)
     assert metrics.episodes.length / metrics.episodes.episodes < 4.5  # optimal 3, at random about 9
     row = probe.table.initial_row[0]
-    action = agent.act(state.params, agent.embed(state.params), jnp.ones(3), row, jax.random.key(0), True)
+    action = agent.act(state.params, agent.embed(state.params), (), jnp.ones(3), row, jax.random.key(0), True)
     assert action == 1 and action.dtype == jnp.int32  # Up
     after = state.params["params"]
     chex.assert_trees_all_equal(start["task_encoder"], after["task_encoder"])

@@ -109,8 +109,8 @@ def make_agent() -> Agent:
             time.sleep(delay)
         return params["params"]["w"]
 
-    def act(params: Any, embedding: Any, obs: jax.Array, row: jax.Array, key: jax.Array, deterministic: bool):
-        del params, embedding, row
+    def act(params: Any, embedding: Any, memory: Any, obs: jax.Array, row: jax.Array, key: jax.Array, deterministic):
+        del params, embedding, memory, row
         if deterministic:
             return jnp.ones(obs.shape[:-1])
         return jax.random.bernoulli(key, 0.5, obs.shape[:-1]).astype(jnp.float32)

@@ -1,0 +1,194 @@
+"""The context: the last steps of an episode, read by a second Transformer (T2TL).
+
+A policy with context carries one `Window` per environment: empty at the start of an episode, one token longer after
+every step, the newest token always in the last slot. Window functions take one window or any batch of them.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+from flax import struct
+
+from t2tl_jax.networks.initializers import t_fixup_embedding, unit_norm
+from t2tl_jax.networks.transformer import TransformerConfig, TransformerEncoder
+
+
+@dataclass(frozen=True)
+class ContextConfig:
+    """Sizes and switches of the context Transformer."""
+
+    length: int = 8
+    """Steps that the window holds."""
+    transformer: TransformerConfig = field(default_factory=lambda: TransformerConfig(layers=2))
+    """The Transformer that reads the window; unless it is masked, empty slots count as tokens of zeros."""
+    reset: bool = True
+    """Empty the window at the start of every episode (paper); the published code never does."""
+    aligned: bool = True
+    """Update every sample with its own window; False gives it that of another sample, as the published code does."""
+    halved: bool = False
+    """Halve layers, width and feed_forward but not T-Fixup's factors, as the published code does in silence."""
+    recompute: bool = True
+    """Keep observations, and embed them anew with gradient in the update; False keeps the embedding made when acting
+    (published code), through which no gradient flows."""
+
+    def __post_init__(self) -> None:
+        if self.length < 1:
+            raise ValueError(f"a context window holds at least one step, got length={self.length}")
+        if self.halved and self.transformer.layers < 2:
+            raise ValueError(
+                f"halved=True needs a context Transformer of two layers or more, got layers={self.transformer.layers}"
+            )
+
+    @property
+    def encoder(self) -> TransformerConfig:
+        """The Transformer as it is built."""
+        if not self.halved:
+            return self.transformer
+        sizes = {name: getattr(self.transformer, name) // 2 for name in ("layers", "width", "feed_forward")}
+        return replace(self.transformer, **sizes)
+
+
+@struct.dataclass
+class Window:
+    """The last K steps of one environment, oldest first; while the episode is younger, the first slots are empty."""
+
+    action: jax.Array  # [..., K, A], or int32[..., K] where actions are discrete
+    reward: jax.Array  # float32[..., K]
+    seen: jax.Array  # float32[..., K, D]: what the action was taken on, the observation or its embedding
+    valid: jax.Array  # bool[..., K], False for an empty slot
+
+
+Memory: TypeAlias = Window | tuple[()]
+"""What a policy remembers of an episode: a window, or nothing at all without context."""
+
+
+def empty_window(length: int, action: jax.Array, seen_size: int) -> Window:
+    """The window of one environment before its first step; `action` is any one action, for its shape and dtype."""
+    return Window(
+        action=jnp.zeros((length, *action.shape), action.dtype),
+        reward=jnp.zeros(length),
+        seen=jnp.zeros((length, seen_size)),
+        valid=jnp.zeros(length, bool),
+    )
+
+
+def append(window: Window, action: jax.Array, reward: jax.Array, seen: jax.Array) -> Window:
+    """One slot more, for a step in which `action` was taken on `seen` and led to `reward`: K + 1 slots.
+
+    Without the newest slot this is the window at the start of the step, without the oldest the one after it.
+    """
+    axis = reward.ndim  # of the slots: behind the leading axes, which all fields share
+
+    def add(old: jax.Array, new: jax.Array) -> jax.Array:
+        return jnp.concatenate([old, jnp.expand_dims(new.astype(old.dtype), axis)], axis)
+
+    return jax.tree.map(add, window, Window(action, reward, seen, jnp.ones(reward.shape, bool)))
+
+
+def without_oldest(memory: Memory) -> Memory:
+    """The memory less its first slot."""
+    return _slots(memory, slice(1, None))
+
+
+def without_newest(memory: Memory) -> Memory:
+    """The memory less its last slot."""
+    return _slots(memory, slice(None, -1))
+
+
+def _slots(memory: Memory, chosen: slice) -> Memory:
+    if not isinstance(memory, Window):
+        return memory
+    leading = (slice(None),) * (memory.reward.ndim - 1)
+    return jax.tree.map(lambda x: x[*leading, chosen], memory)
+
+
+def empty_where(window: Window, ended: jax.Array) -> Window:
+    """The window emptied where `ended` bool[...], one flag per environment."""
+
+    def clear(x: jax.Array) -> jax.Array:
+        return jnp.where(ended.reshape(ended.shape + (1,) * (x.ndim - ended.ndim)), jnp.zeros_like(x), x)
+
+    return jax.tree.map(clear, window)
+
+
+class ContextEncoder(nn.Module):
+    """Tokens (action, reward, embedded observation), a linear layer, and the same Transformer as the formula's."""
+
+    config: ContextConfig
+    num_actions: int | None = None  # of discrete actions, which become unit vectors; None for continuous ones
+
+    @nn.compact
+    def __call__(self, window: Window, embedding: jax.Array) -> jax.Array:
+        """window of [..., K] slots, embedding [..., K, E] of what was seen in them -> [..., output].
+
+        The code of an empty window is 0 (the paper's "set the context variable to zero") unless it is not masked.
+        """
+        flags, config = self.config.transformer, self.config.encoder
+        # T-Fixup's factors use the sizes before halving, as published.
+        init = t_fixup_embedding(flags.width, flags.layers) if flags.t_fixup else unit_norm()
+        action = window.action if self.num_actions is None else jax.nn.one_hot(window.action, self.num_actions)
+        tokens = jnp.concatenate([action, window.reward[..., None], embedding], axis=-1)
+        tokens = jnp.where(window.valid[..., None], tokens, 0.0)  # the embedding of an empty slot is not zero
+        x = nn.Dense(config.width, kernel_init=init, name="token")(tokens)
+
+        started = window.valid.any(axis=-1, keepdims=True)
+        # The mean of no tokens has no gradient, so an empty window is read as a full one and its code dropped below.
+        mask = window.valid | ~started
+        encoder = TransformerEncoder(config, t_fixup_layers=flags.layers, name="encoder")
+        code = encoder(x.reshape(-1, *x.shape[-2:]), mask.reshape(-1, mask.shape[-1]))
+        code = code.reshape(*x.shape[:-2], config.output)
+        return jnp.where(started, code, 0.0) if config.masked else code
+
+
+class MemoryNetwork(nn.Module):
+    """What a policy's network does with its memory. A subclass makes `context_encoder`, `see` and `blank`.
+
+    Without context every memory is `()`.
+    """
+
+    config: Any  # of the network; has a field `context`, a `ContextConfig` or None
+
+    def see(self, obs: jax.Array) -> jax.Array:
+        """The embedding of an observation that tokens hold: [..., O] -> [..., E]."""
+        raise NotImplementedError
+
+    @nn.nowrap
+    def blank(self, observation_size: int) -> tuple[jax.Array, int]:
+        """Any one action, and the size E of the embedding."""
+        raise NotImplementedError
+
+    @nn.nowrap
+    def begin(self, observation_size: int) -> Memory:
+        """The memory of one environment at the start of an episode; needs no parameters."""
+        context = self.config.context
+        if context is None:
+            return ()
+        action, embedding_size = self.blank(observation_size)
+        return empty_window(context.length, action, observation_size if context.recompute else embedding_size)
+
+    def extend(self, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
+        """The memory and the step that followed, one slot more: `action` on `obs` [..., O] led to `reward` [...]."""
+        if not isinstance(memory, Window):
+            return memory
+        return append(memory, action, reward, obs if self.config.context.recompute else self.see(obs))
+
+    def remember(self, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
+        """The memory after a step."""
+        return without_oldest(self.extend(memory, obs, action, reward))
+
+    @nn.nowrap
+    def next_episode(self, memory: Memory, ended: jax.Array) -> Memory:
+        """The memory to go on with: emptied where the episode `ended` bool[...], unless it is never to be."""
+        if not isinstance(memory, Window) or not self.config.context.reset:
+            return memory
+        return empty_where(memory, ended)
+
+    def context(self, memory: Memory) -> jax.Array:
+        """The context variable [..., output] of every window."""
+        if not isinstance(memory, Window):
+            raise ValueError(f"a network with context needs a window, got {type(memory).__name__}")
+        seen = self.see(memory.seen) if self.config.context.recompute else memory.seen
+        return self.context_encoder(memory, seen)

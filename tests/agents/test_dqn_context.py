@@ -1,0 +1,120 @@
+"""DQN with context: replay keeps the window that acted, targets use the one after the step, memory is learnt."""
+
+import dataclasses
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from t2tl_jax.agents.dqn import DQNConfig, dqn_loss, make_dqn, targets
+from t2tl_jax.evaluation.episodes import play
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.task_env import TaskEnv
+from tests.probe import DiscreteCueEnv
+
+CONTEXT = ContextConfig(length=2, transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8))
+NETWORK = QNetworkConfig(task_encoder="one_hot", state_layers=(16, 16), task_layer=16, context=CONTEXT)
+DQN = DQNConfig(
+    num_envs=8,
+    steps_per_iteration=25,
+    batch_size=64,
+    buffer_size=400,
+    learning_starts=200,
+    target_period=20,
+    discount=0.9,
+    learning_rate=3e-3,
+    epsilon_fraction=0.5,
+)
+EPISODE_LENGTH = 5
+# These programs take longer to compile than to run; half of that is spent on optimising them.
+quick = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
+
+
+@pytest.fixture(scope="module")
+def learner():
+    """Environment, agent, its first state, and one iteration compiled."""
+    probe = DiscreteCueEnv()
+    env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
+    agent = make_dqn(env, NETWORK, DQN, EPISODE_LENGTH, iterations=60)
+    return env, agent, quick(agent.init)(jax.random.key(0)), quick(agent.iterate)
+
+
+def test_replay_keeps_the_window_that_acted(learner):
+    """Two iterations fill the buffer: 50 steps of 8 environments, followed here episode by episode."""
+    _, _, state, iterate = learner
+    for _ in range(2):
+        state, _ = iterate(state)
+    stored = jax.tree.map(lambda x: np.asarray(x).reshape(50, 8, *x.shape[2:]), state.buffer.experience)
+    assert stored.steps.action.shape == (50, 8, 3)  # the window and the step itself
+    ages = np.zeros((51, 8), int)
+    for i in range(8):
+        episode = []
+        for t in range(50):
+            ages[t, i] = len(episode)
+            episode.append((stored.obs[t, i], stored.action[t, i]))
+            known = episode[-3:]
+            np.testing.assert_array_equal(stored.steps.valid[t, i], [False] * (3 - len(known)) + [True] * len(known))
+            for slot, (obs, action) in enumerate(known, start=3 - len(known)):
+                np.testing.assert_array_equal(stored.steps.seen[t, i, slot], obs)
+                assert stored.steps.action[t, i, slot] == action
+            np.testing.assert_array_equal(stored.steps.reward[t, i, :-1], 0)  # rewards come with the end
+            if stored.steps.reward[t, i, -1] != 0 or stored.cut[t, i]:
+                episode = []
+        ages[50, i] = len(episode)
+    assert (stored.steps.reward[:, :, -1] != 0).any() and stored.cut.any()
+    np.testing.assert_array_equal(state.episodes.elapsed, ages[50])
+    np.testing.assert_array_equal(state.memory.valid.sum(axis=1), np.minimum(ages[50], 2))
+
+
+@pytest.mark.parametrize("simultaneous", [True, False])
+def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner, simultaneous):
+    """The loss against one that takes the windows apart by hand and values one row at a time."""
+    env, _, state, iterate = learner
+    state, _ = iterate(state)
+    table, network = env.table, QNetwork(NETWORK, 3)
+    stored = jax.tree.map(lambda x: x[0, :100], state.buffer.experience)
+    before, after = (jax.tree.map(lambda x, chosen=chosen: x[:, chosen], stored.steps) for chosen in ([0, 1], [1, 2]))
+    params, target_params = state.params, jax.tree.map(lambda x: 0.9 * x, state.params)
+    embedding = network.apply(params, table, method="embed")
+
+    @quick
+    def values(params, obs, window):
+        rows = (jnp.full(len(obs), row) for row in range(table.num_rows))
+        return jnp.stack([network.apply(params, obs, embedding, row, window) for row in rows], axis=1)
+
+    q = values(params, stored.obs, before)
+    online, target = values(params, stored.next_obs, after), values(target_params, stored.next_obs, after)
+    goal = targets(DQN, table, online, target, stored.letter, stored.cut)
+    error = np.abs(np.asarray(q[np.arange(100), :, stored.action] - goal))
+    huber = np.where(error < 1, 0.5 * error**2, error - 0.5)
+    assert np.abs(values(params, stored.obs, after) - q).max() > 1e-2  # another window is another value
+    expected = huber[:, np.asarray(table.is_open)] if simultaneous else huber[np.arange(100), stored.row]
+    config = dataclasses.replace(DQN, simultaneous=simultaneous)
+    loss = quick(partial(dqn_loss, config, network, table))
+    assert loss(params, embedding, target_params, embedding, stored)[0] == pytest.approx(expected.mean(), rel=1e-4)
+
+
+@pytest.mark.slow
+def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner):
+    env, agent, state, iterate = learner
+    for _ in range(60):
+        state, _ = iterate(state)
+
+    def success(agent):
+        outcome = quick(lambda p: play(env, agent, p, jax.random.key(1), 200, EPISODE_LENGTH, True))(state.params)
+        return outcome.success.mean()
+
+    assert success(agent) >= 0.98
+    assert success(agent._replace(remember=lambda params, memory, obs, action, reward: memory)) < 0.7
+
+
+def test_impossible_settings_are_refused():
+    with pytest.raises(ValueError, match="aligned=False"):
+        dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, aligned=False))
+    with pytest.raises(ValueError, match="got state_layers"):
+        dataclasses.replace(NETWORK, state_layers=())

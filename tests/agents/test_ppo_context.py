@@ -1,0 +1,146 @@
+"""PPO with context: the update sees the window that acted, memory is learnt and kept, seeds are independent."""
+
+import dataclasses
+from functools import partial
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from t2tl_jax.agents import ppo
+from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.evaluation.episodes import play
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.checkpoints import Checkpoints
+from t2tl_jax.training.rollout import generalised_advantages
+from tests.probe import CueEnv
+
+CONTEXT = ContextConfig(length=2, transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8))
+NETWORK = NetworkConfig(
+    task_encoder="one_hot", env_layers=(16,), actor_layers=(16,), critic_layers=(16,), value_scale=1.0, context=CONTEXT
+)
+# One minibatch: its probability ratios are those of the parameters that acted.
+PPO = PPOConfig(
+    num_envs=32,
+    rollout_steps=8,
+    epochs=1,
+    minibatch_size=256,
+    discount=0.9,
+    gae_lambda=0.9,
+    learning_rate=1e-2,
+    noise_time=0,
+)
+EPISODE_LENGTH = 5
+# These programs take longer to compile than to run; half of that is spent on optimising them.
+quick = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
+
+
+def make(iterations=300, **changes):
+    probe = CueEnv()
+    env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
+    network = dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, **changes))
+    return env, make_ppo(env, network, PPO, EPISODE_LENGTH, iterations)
+
+
+values = []  # of the learner's last iterations: (value, next_value, ended), each [T, N]
+
+
+@pytest.fixture(scope="module")
+def learner():
+    """Environment, agent, and the agent's functions compiled once for all tests of the default settings."""
+    env, agent = make()
+
+    def spy(reward, value, next_value, terminated, truncated, *constants):
+        jax.debug.callback(lambda *arrays: values.append(arrays), value, next_value, terminated | truncated)
+        return generalised_advantages(reward, value, next_value, terminated, truncated, *constants)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ppo, "generalised_advantages", spy)
+        key = jax.eval_shape(jax.random.key, 0)
+        iterate = quick(agent.iterate).lower(jax.eval_shape(agent.init, key)).compile()
+    return env, agent, quick(agent.init), iterate
+
+
+def test_the_update_sees_the_window_that_acted(learner):
+    """Ratio 1 in every iteration, across the ends of episodes and of rollouts; windows fit their episodes."""
+    _, _, init, iterate = learner
+    state = init(jax.random.key(0))
+    for _ in range(3):
+        state, metrics = iterate(state)
+        assert metrics.episodes.successes > 0 and metrics.episodes.timeouts > 0
+        assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
+        age = np.minimum(state.episodes.elapsed, CONTEXT.length)  # nothing is left of the episode before
+        np.testing.assert_array_equal(state.memory.valid.sum(axis=1), age)
+
+
+def test_the_value_after_a_step_is_that_of_the_window_after_the_step(learner):
+    """Within an episode the next state is valued twice: after the step that led there, and before the next."""
+    _, _, init, iterate = learner
+    jax.block_until_ready(iterate(init(jax.random.key(0))))
+    jax.effects_barrier()
+    value, next_value, ended = map(np.asarray, values[-1])
+    goes_on = ~ended[:-1]
+    np.testing.assert_allclose(next_value[:-1][goes_on], value[1:][goes_on], atol=1e-5)
+    assert np.abs(next_value[:-1] - value[1:])[~goes_on].max() > 1e-3  # another episode's value is another
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("aligned", [True, False])
+def test_published_windows_run_on_and_belong_to_other_samples(aligned):
+    _, agent = make(reset=False, recompute=False, aligned=aligned)
+    state = quick(agent.init)(jax.random.key(0))
+    iterate = quick(agent.iterate)
+    for _ in range(2):
+        state, metrics = iterate(state)
+        assert (abs(metrics.scalars["kl"]) < 1e-6) == aligned
+    assert state.memory.valid.all() and (state.episodes.elapsed == 0).any()
+
+
+@pytest.mark.slow
+def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner):
+    env, agent, init, iterate = learner
+    state = init(jax.random.key(0))
+    for _ in range(300):
+        state, metrics = iterate(state)
+    assert metrics.episodes.successes >= 0.95 * metrics.episodes.episodes
+
+    def success(agent):
+        outcome = quick(lambda p: play(env, agent, p, jax.random.key(1), 200, EPISODE_LENGTH, True))(state.params)
+        return outcome.success.mean()
+
+    assert success(agent) >= 0.98
+    forgetful = agent._replace(remember=lambda params, memory, obs, action, reward: memory)
+    assert success(forgetful) < 0.7
+
+
+def test_a_checkpoint_holds_the_windows(learner, tmp_path):
+    _, _, init, iterate = learner
+    state, _ = iterate(init(jax.random.key(0)))
+    with Checkpoints(tmp_path) as checkpoints:
+        checkpoints.save(1, state, {})
+        _, restored = checkpoints.restore(jax.eval_shape(lambda: state))
+    assert restored.memory.valid.any() and not restored.memory.valid.all()
+    chex.assert_trees_all_equal(restored.memory, state.memory)
+    resumed, straight = (iterate(jax.tree.map(jnp.asarray, start))[0] for start in (restored, state))
+    chex.assert_trees_all_equal(resumed.memory, straight.memory)
+    chex.assert_trees_all_equal(resumed.params, straight.params)
+
+
+@pytest.mark.slow
+def test_vmapped_seeds_equal_single_seeds(learner):
+    """As without context: same behaviour to 1e-3, not the same bits."""
+    _, agent, init, iterate = learner
+    keys = jax.random.split(jax.random.key(3), 2)
+    together, alone = jax.tree.map(lambda *x: jnp.stack(x), *map(init, keys)), init(keys[1])
+    iterate_all = quick(jax.vmap(agent.iterate))
+    for _ in range(2):
+        together, metrics_all = iterate_all(together)
+        alone, metrics_one = iterate(alone)
+    chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], metrics_all), metrics_one, atol=1e-3)
+    chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], together.memory), alone.memory, atol=1e-3)
