@@ -2,12 +2,14 @@
 
 import argparse
 import contextlib
+import dataclasses
 import io
 import re
+import typing
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar, get_args
 
 import tyro
 
@@ -22,6 +24,7 @@ DESCRIPTION = """Train an agent on a temporal-logic task.
   --list          show the named configurations
   --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer)
                   and --run.* apply
+  --PART None     leave out an optional part that the configuration has, such as --network.context
 
 Examples:
   python -m experiments.run --config zone_ppo --seeds 4
@@ -94,7 +97,42 @@ def list_configs(prefix: str = "") -> str:
 
 def override(config: Config, arguments: Sequence[str], prog: str = "python -m experiments.run") -> Config:
     """The configuration with the fields that the flags name replaced; otherwise as ``parse``."""
-    return parse(Config, arguments, prog, DESCRIPTION, default=config)
+    try:
+        config, rest = without_parts(config, list(arguments))
+    except ValueError as error:  # from the checks of the dataclasses
+        raise UserError(str(error)) from error
+    return parse(Config, rest, prog, DESCRIPTION, default=config)
+
+
+def without_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[Any, list[str]]:
+    """The dataclass less every part that a flag sets to None, and the other arguments.
+
+    tyro offers the fields of a part that is there, or None where there is none, but no way from one to the other.
+    """
+    for field in dataclasses.fields(config):
+        value, flag = getattr(config, field.name), prefix + field.name.replace("_", "-")
+        if not dataclasses.is_dataclass(value):
+            continue
+        place = _find_none(arguments, flag)
+        if place is not None and type(None) in get_args(typing.get_type_hints(type(config))[field.name]):
+            value, arguments = None, arguments[: place.start] + arguments[place.stop :]
+        else:
+            value, arguments = without_parts(value, arguments, flag + ".")
+        if value is not getattr(config, field.name):
+            config = dataclasses.replace(config, **{field.name: value})
+    return config, arguments
+
+
+def _find_none(arguments: Sequence[str], flag: str) -> slice | None:
+    """Where the arguments say ``--flag None`` or ``--flag=None``; underscores count as hyphens."""
+    for i, argument in enumerate(arguments):
+        name, equals, value = argument.partition("=")
+        if name.replace("_", "-") == flag:
+            if equals and value == "None":
+                return slice(i, i + 1)
+            if not equals and arguments[i + 1 : i + 2] == ["None"]:
+                return slice(i, i + 2)
+    return None
 
 
 def parse(kind: type[T], arguments: Sequence[str], prog: str, description: str | None, default: T | None = None) -> T:

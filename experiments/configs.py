@@ -15,6 +15,7 @@ from envs.zones import ZoneConfig
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.training.convergence import ConvergenceConfig
@@ -168,6 +169,15 @@ _PUBLISHED = Config(
         observation="raw",
         mean_scale=1.0,
         value_scale=1.0,
+        context=ContextConfig(
+            transformer=TransformerConfig(
+                layers=2, norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True
+            ),
+            reset=False,
+            aligned=False,
+            halved=True,
+            recompute=False,
+        ),
     ),
     ppo=PPOConfig(
         num_envs=16,
@@ -260,7 +270,11 @@ CONFIGS: dict[str, tuple[Config, str]] = {
     ),
     "zone_ppo_published": (
         _PUBLISHED,
-        "the same with the schedule and every choice of the published code: 16 environments x 4,096 steps",
+        "T2TL with the schedule and every choice of the published code: 16 environments x 4,096 steps",
+    ),
+    "zone_t2tl": (
+        Config(network=NetworkConfig(context=ContextConfig())),
+        "T2TL: zone_ppo with a second Transformer that reads the last steps of the episode",
     ),
     "zone_ppo_closed_form": (
         Config(env=ZoneConfig(physics="closed_form")),
@@ -281,6 +295,10 @@ CONFIGS: dict[str, tuple[Config, str]] = {
     "waterworld_dqn": (
         _WATERWORLD,
         "T1TL by double DQN on phi_water in WaterWorld, every sub-task learned from every step; five million frames",
+    ),
+    "waterworld_t2tl": (
+        replace(_WATERWORLD, network=replace(_WATERWORLD.network, context=ContextConfig(length=12))),
+        "T2TL by double DQN: waterworld_dqn with a second Transformer that reads the last twelve steps of the episode",
     ),
     "waterworld_crm": (
         replace(_WATERWORLD, network=QNetworkConfig(task_encoder="one_hot")),

@@ -13,6 +13,7 @@ from experiments import command_line, config_files, run
 from experiments.configs import CONFIGS, Config
 from experiments.errors import UserError
 from t2tl_jax.agents.dqn import DQNConfig
+from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 
 
@@ -51,8 +52,22 @@ def test_overrides_of_the_other_learner_and_environment():
     config = command_line.override(CONFIGS["waterworld_dqn"][0], [*flags, "--network.state-layers", "32"])
     assert config.dqn == DQNConfig(learning_rate=1e-4, simultaneous=False) and config.ppo is None
     assert config.env == WaterWorldConfig(layout="random")
-    assert config.network == QNetworkConfig(state_layers=(32,))
+    assert config.network == dataclasses.replace(CONFIGS["waterworld_dqn"][0].network, state_layers=(32,))
     assert config_files.from_json(config_files.to_json(config), "test") == config
+
+
+def test_a_part_can_be_changed_or_left_out():
+    context = CONFIGS["zone_t2tl"][0]
+    longer = command_line.override(context, ["--network.context.length", "12", "--network.context.halved", "True"])
+    assert longer.network.context == ContextConfig(length=12, halved=True)
+    assert config_files.from_json(config_files.to_json(longer), "test") == longer
+    for flags in (["--network.context", "None"], ["--network.context=None"]):
+        without = command_line.override(context, ["--frames", "2e5", *flags])
+        assert without == dataclasses.replace(CONFIGS["zone_ppo"][0], frames=200_000)
+    with pytest.raises(UserError, match="got neither"):
+        command_line.override(context, ["--ppo", "None"])
+    with pytest.raises(UserError, match=r"Unrecognized options: --network\.transformer"):
+        command_line.override(context, ["--network.transformer", "None"])  # not an optional part
 
 
 @pytest.mark.parametrize(
