@@ -59,6 +59,10 @@ class Agent(NamedTuple):
         followed. When the episode ends, go on with `begin()`.
     renew(train_state, table) -> train_state that goes on with the tasks of another table of the same shapes; None for
     learners whose tasks are fixed. The state then has the current table as its attribute `table`.
+    compare(params, memory, obs, task, other) -> (policy float32[B], value float32[B]): how much the policy changes and
+        by how much the value rises at obs [B, O] when the code of the task is `other` instead of `task`, both [dim]. Of
+        the policy, the KL divergence KL(task || other) in nats, or for action values 1 where the greedy action is
+        another one, else 0. None for learners that do not offer it.
 
     The arrays of a memory have the leading axes of `obs`.
     """
@@ -72,6 +76,9 @@ class Agent(NamedTuple):
     begin: Callable[[], PolicyMemory] = lambda: ()
     remember: Callable[[Params, PolicyMemory, jax.Array, jax.Array, jax.Array], PolicyMemory] = (
         lambda params, memory, obs, action, reward: memory
+    )
+    compare: Callable[[Params, PolicyMemory, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]] | None = (
+        None
     )
 
 

@@ -258,6 +258,13 @@ def make_dqn(
     def remember(params: Params, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
         return apply(params, memory, obs, action, reward, method="remember")
 
+    def compare(
+        params: Params, memory: Memory, obs: jax.Array, task: jax.Array, other: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
+        q = apply(params, obs, jnp.stack([task, other]), memory, method="every_row")  # [B, 2, A]
+        action, value = q.argmax(axis=-1), q.max(axis=-1)
+        return (action[:, 0] != action[:, 1]).astype(jnp.float32), value[:, 1] - value[:, 0]
+
     def init(key: jax.Array) -> DQNState:
         params_key, episodes_key, limit_key, key = jax.random.split(key, 4)
         # The first episodes are cut at random lengths, so that parallel environments do not reset in step.
@@ -381,4 +388,5 @@ def make_dqn(
         frames_per_iteration=config.frames_per_iteration,
         begin=begin_memory,
         remember=remember,
+        compare=compare,
     )

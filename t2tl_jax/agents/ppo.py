@@ -220,6 +220,14 @@ def make_ppo(
     def remember(params: Params, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
         return apply(params, memory, obs, action, reward, method="remember")
 
+    def compare(
+        params: Params, memory: Memory, obs: jax.Array, task: jax.Array, other: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
+        (policy, value), (other_policy, other_value) = (
+            apply(params, obs, jnp.broadcast_to(code, (len(obs), *code.shape)), memory) for code in (task, other)
+        )
+        return policy.kl(other_policy), other_value - value
+
     def begin_all(world: TaskEnv, key: jax.Array, limit_key: jax.Array) -> Episode:
         keys = jax.random.split(key, config.num_envs)
         limits = jnp.full(config.num_envs, episode_length)
@@ -382,4 +390,5 @@ def make_ppo(
         renew=renew if renewable else None,
         begin=begin_memory,
         remember=remember,
+        compare=compare,
     )

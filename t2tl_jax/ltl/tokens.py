@@ -27,6 +27,12 @@ def vocabulary_size(num_propositions: int) -> int:
     return max(22, FIRST_PROPOSITION + num_propositions)
 
 
+def token_names(tokens: Sequence[int], propositions: Sequence[str]) -> tuple[str, ...]:
+    """Return what token ids say, operators by name: `until`, `not`, `Red`, ..., and `padding`."""
+    names = ("padding", *(_OPERATOR[number] for number in range(1, FIRST_PROPOSITION)), *propositions)
+    return tuple(names[token] for token in tokens)
+
+
 def decode(tokens: Sequence[int], propositions: Sequence[str]) -> Formula:
     """Return the formula of a row of token ids; padding at the end is skipped.
 

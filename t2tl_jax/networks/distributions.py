@@ -1,6 +1,6 @@
 """Distributions over actions behind one interface: a diagonal Gaussian, and a choice among a few actions."""
 
-from typing import Protocol
+from typing import Protocol, Self
 
 import jax
 import jax.numpy as jnp
@@ -33,6 +33,10 @@ class Distribution(Protocol):
         """The most probable action."""
         ...
 
+    def kl(self, other: Self) -> jax.Array:
+        """Kullback-Leibler divergence KL(self || other) in nats: float32[...]."""
+        ...
+
 
 @struct.dataclass
 class Gaussian:
@@ -61,6 +65,11 @@ class Gaussian:
         """The mean: float32[..., A]."""
         return self.mean
 
+    def kl(self, other: "Gaussian") -> jax.Array:
+        """KL(self || other), summed over the action's dimensions: float32[...]."""
+        ratio, distance = self.std / other.std, (self.mean - other.mean) / other.std
+        return 0.5 * (ratio**2 + distance**2 - 1.0 - 2.0 * jnp.log(ratio)).sum(axis=-1)
+
 
 @struct.dataclass
 class Categorical:
@@ -87,3 +96,8 @@ class Categorical:
     def mode(self) -> jax.Array:
         """The most probable action: int32[...]."""
         return self.logits.argmax(axis=-1).astype(jnp.int32)
+
+    def kl(self, other: "Categorical") -> jax.Array:
+        """KL(self || other): float32[...]."""
+        log_probability, log_other = jax.nn.log_softmax(self.logits), jax.nn.log_softmax(other.logits)
+        return (jnp.exp(log_probability) * (log_probability - log_other)).sum(axis=-1)

@@ -137,6 +137,10 @@ def test_probe_is_solved(env, network):
         env_state, steps = env.step(env_state, action), steps + 1
     assert steps == 3 and env_state.reward == 1
 
+    # Up is wanted in row 2 and Down in row 3: with the other's code the greedy action is another one.
+    same, other = (agent.compare(state.params, (), jnp.ones((1, 3)), embedding[2], embedding[row]) for row in (2, 3))
+    assert same == (0, 0) and other[0] == 1
+
 
 def test_epsilon_falls_linearly_and_stays():
     config = dataclasses.replace(DQN, epsilon_start=1.0, epsilon_end=0.1, epsilon_fraction=0.2)

@@ -108,7 +108,7 @@ def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
 
 
 def test_probe_is_solved_by_reading_the_formula(learner):
-    _, init, iterate = learner
+    agent, init, iterate = learner
     state = init(jax.random.key(0))
     for _ in range(60):
         state, metrics = iterate(state)
@@ -116,6 +116,12 @@ def test_probe_is_solved_by_reading_the_formula(learner):
     assert totals.successes >= 0.95 * totals.episodes
     assert totals.length / totals.episodes < 4.5  # optimal 3; acting at random needs about 12
     assert state.best_score > 0.6
+
+    # Up is wanted in row 2 and Down in row 3: the agent decides otherwise where the code of its row is exchanged.
+    codes = agent.embed(state.params)
+    same, other = (agent.compare(state.params, (), jnp.ones((5, 3)), codes[2], codes[row]) for row in (2, 3))
+    np.testing.assert_allclose(same, 0.0, atol=1e-6)
+    assert (other[0] > 1.0).all()
 
 
 @pytest.mark.slow

@@ -1,13 +1,14 @@
 """The command line with the real environments and learners, at reduced size."""
 
 import dataclasses
+import json
 
 import jax
 import numpy as np
 import pytest
 
 from envs.zones import ZoneConfig
-from experiments import compare, evaluate, run, run_folder
+from experiments import attention, compare, evaluate, run, run_folder
 from experiments.build import build
 from experiments.configs import CONFIGS, PoolConfig
 from experiments.errors import UserError
@@ -135,6 +136,23 @@ def test_train_resume_evaluate_draw(name, tmp_path):
     assert (long / "evaluation.json").read_text() != ""
     assert evaluate.main([str(short), "--episodes", "4", "--checkpoint", "latest", *OTHER_TASK[name]]) == 0
     assert compare.main([str(long), str(short)]) == 0
+
+    if name == "zone_ppo_closed_form":
+        can_be_read(long)
+
+
+def can_be_read(folder):
+    """The attention of its second seed; `tests/evaluation/test_attention.py` checks the numbers."""
+    assert attention.main([str(folder), "--seed", "1", "--checkpoint", "latest", "--episodes", "4"]) == 0
+    assert (folder / "attention.png").stat().st_size > 10_000
+    read = json.loads((folder / "attention.json").read_text())
+    assert np.shape(read["attention_end"]["by_head"]) == (8, len(read["tokens"]))
+    for then in (read["attention_start"], read["attention_end"]):
+        np.testing.assert_allclose(np.sum(then["by_head"], axis=1), 1.0, atol=1e-5)
+    # So short a run meets no reward, from which nothing is learned: its network is still the one it began with.
+    np.testing.assert_allclose(read["attention_start"]["by_head"], read["attention_end"]["by_head"], atol=1e-5)
+    assert read["observations"] == 4 and read["observations_met_in_row"]
+    assert min(read["removal_policy"]) >= 0 and max(read["removal_policy"]) > 0
 
 
 def test_only_zones_have_a_choice_of_physics(tmp_path, capsys):

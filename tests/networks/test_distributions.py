@@ -45,3 +45,19 @@ def test_noise_is_remembered_as_far_as_it_correlates():
     np.testing.assert_array_equal(kept, jnp.full(5, 3.0))
     _, mixed = gaussian.sample(key, jnp.full(5, 3.0), jnp.float32(0.6))
     np.testing.assert_allclose(mixed, 0.6 * 3.0 + 0.8 * fresh, atol=1e-6)
+
+
+def test_divergence_is_the_mean_log_ratio():
+    """By counting over the choices, and by integration over a fine grid of one dimension after the other."""
+    probability = np.exp(LOGITS) / np.exp(LOGITS).sum(1, keepdims=True)
+    one, other = Categorical(jnp.asarray(LOGITS)), Categorical(jnp.asarray(LOGITS[::-1]))
+    expected = (probability * np.log(probability / probability[::-1])).sum(1)
+    np.testing.assert_allclose(one.kl(other), expected, atol=1e-5)
+
+    mean, std = np.array([[0.3, -1.0], [0.0, 1.5]]), np.array([[0.4, 1.3], [0.8, 0.5]])  # of two Gaussians
+    action = np.linspace(-15, 15, 20_001)[:, None]
+    p, q = (scipy.stats.norm(mean[k], std[k]) for k in (0, 1))
+    expected = np.trapezoid(p.pdf(action) * (p.logpdf(action) - q.logpdf(action)), action, axis=0).sum()
+    a, b = (Gaussian(jnp.asarray(mean[k]), jnp.asarray(std[k])) for k in (0, 1))
+    np.testing.assert_allclose(a.kl(b), expected, rtol=1e-4)
+    assert a.kl(a) == 0

@@ -24,6 +24,14 @@ MAY_IMPORT = {
         "t2tl_jax.training",
     },
     "t2tl_jax.evaluation": {"t2tl_jax.agent", "t2tl_jax.training"},
+    # What a network attends to is asked of the network itself.
+    "t2tl_jax.evaluation.attention": {
+        "t2tl_jax.agent",
+        "t2tl_jax.evaluation",
+        "t2tl_jax.ltl",
+        "t2tl_jax.networks",
+        "t2tl_jax.training",
+    },
     "experiments": {"t2tl_jax", "envs"},
 }
 OWN = ("t2tl_jax", "envs", "experiments")
