@@ -146,6 +146,8 @@ STUB = Agent(
     embed=lambda params: jnp.zeros((4, 1)),
     act=lambda *arguments: jnp.zeros(arguments[-3].shape),  # of the rows
     frames_per_iteration=1,
+    begin=lambda: jnp.zeros(()),  # remembers how many steps it made
+    remember=lambda params, memory, obs, action, reward: memory + 1,
     compare=linear,
 )
 
@@ -153,7 +155,7 @@ STUB = Agent(
 def test_observations_are_drawn_from_the_steps_in_the_row():
     play = jax.jit(partial(reading.meet, ClockEnv(), STUB), static_argnums=(2, 3, 4))
     first = play(None, jax.random.key(0), 2, 600, 100)
-    assert (first.steps == 3).all()
+    assert (first.steps == 3).all() and (first.memory == first.obs[:, 0]).all()
     counts = np.bincount(np.asarray(first.obs[:, 0]).astype(int), minlength=3)
     assert len(counts) == 3 and stats.chisquare(counts).pvalue > 0.001
     later = play(None, jax.random.key(0), 3, 600, 100)
