@@ -15,19 +15,23 @@ import tyro
 
 from experiments.configs import CONFIGS, Config
 from experiments.errors import UserError, nearest, unknown
+from experiments.methods import METHODS
 
 T = TypeVar("T")
 
 DESCRIPTION = """Train an agent on a temporal-logic task.
 
   --config NAME   start from a named configuration; every option below overrides one of its fields
-  --list          show the named configurations
+  --method NAME   make it one of the methods t2tl, t1tl, gnn, rm, dfa or dfa_cont, all else being equal
+  --list          show the named configurations and the methods
   --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer)
                   and --run.* apply
   --PART None     leave out an optional part that the configuration has, such as --network.context
 
 Examples:
   python -m experiments.run --config zone_ppo --seeds 4
+  python -m experiments.run --config zone_ppo --method dfa_cont
+  python -m experiments.run --config zone_ppo --method t1tl --pretrained ''
   python -m experiments.run --config zone_ppo --ppo.learning-rate 1e-4 --frames 2e5 --task 'F(Red & F White)'
   python -m experiments.run --config waterworld_dqn --dqn.batch-size 256 --env.layout random
   python -m experiments.run --resume runs/zone_ppo/2026-01-31_12-00-00
@@ -41,6 +45,8 @@ class Request:
 
     config: str | None
     """Name of the configuration, which exists."""
+    method: str | None
+    """Name of the method, which exists; None for what the configuration is."""
     resume: Path | None
     """Run to continue."""
     show_list: bool
@@ -71,6 +77,7 @@ def read_request(arguments: Sequence[str], prefix: str = "") -> Request:
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     parser.add_argument("--config")
+    parser.add_argument("--method")
     parser.add_argument("--resume", type=Path)
     parser.add_argument("--list", action="store_true")
     try:
@@ -80,19 +87,23 @@ def read_request(arguments: Sequence[str], prefix: str = "") -> Request:
     helping = bool({"-h", "--help"} & set(rest))
     if known.config is not None and known.config not in names(prefix):
         raise unknown("config", known.config, names(prefix))
-    if known.config is not None and known.resume is not None:
-        raise UserError("--resume continues a run with its own configuration; leave --config out")
+    if known.method is not None and known.method not in METHODS:
+        raise unknown("method", known.method, METHODS)
+    if known.resume is not None and (known.config is not None or known.method is not None):
+        raise UserError("--resume continues a run with its own configuration; leave --config and --method out")
     if known.config is None and known.resume is None and not (known.list or helping):
         raise UserError(
             f"choose a configuration with --config NAME ({', '.join(names(prefix))}), or a run with --resume RUN"
         )
-    return Request(known.config, known.resume, known.list, tuple(rest))
+    return Request(known.config, known.method, known.resume, known.list, tuple(rest))
 
 
 def list_configs(prefix: str = "") -> str:
-    """The named configurations, one per line."""
-    width = max(map(len, names(prefix)))
-    return "\n".join(f"{name:{width}}  {CONFIGS[prefix + name][1]}" for name in names(prefix))
+    """The named configurations and the methods, one per line."""
+    width = max(map(len, [*names(prefix), *METHODS]))
+    configs = [f"{name:{width}}  {CONFIGS[prefix + name][1]}" for name in names(prefix)]
+    methods = [f"{name:{width}}  {method.summary}" for name, method in METHODS.items()]
+    return "\n".join([*configs, "", "methods:", *methods])
 
 
 def override(config: Config, arguments: Sequence[str], prog: str = "python -m experiments.run") -> Config:

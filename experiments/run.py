@@ -31,7 +31,7 @@ def command(
     """
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
-        from experiments import command_line, compilation_cache, training_run
+        from experiments import command_line, compilation_cache, methods, training_run
         from experiments.build import build as default_build
         from experiments.configs import CONFIGS
 
@@ -51,7 +51,10 @@ def command(
 
         return training_run.resume(request.resume, amend, chosen_build, words)
     name = prefix + request.config if request.config else command_line.default(prefix)
-    config = command_line.override(CONFIGS[name][0], request.rest, prog)
+    config = CONFIGS[name][0]
+    if request.method is not None:
+        config, name = methods.apply(config, request.method), f"{name}_{request.method}"
+    config = command_line.override(config, request.rest, prog)
     compilation_cache.use(config.run.compilation_cache)
     return training_run.start(config, name, chosen_build, words)
 

@@ -32,9 +32,9 @@ MAX_TASKS_APART = 16
 class DQNConfig:
     """Double DQN's constants."""
 
-    num_envs: int = 64
+    num_envs: int = 16
     """Parallel environments."""
-    steps_per_iteration: int = 256
+    steps_per_iteration: int = 500
     """Steps of every environment in one iteration."""
     updates_per_step: int = 1
     """Gradient steps after every step of all environments."""
@@ -42,7 +42,7 @@ class DQNConfig:
     """Transitions of one gradient step; with simultaneous learning each counts for every open row."""
     buffer_size: int = 200_000
     """Transitions that are kept."""
-    learning_starts: int = 10_000
+    learning_starts: int = 5_000
     """Environment steps before the first gradient step."""
     target_period: int = 100
     """Gradient steps between copies to the target network."""

@@ -22,14 +22,18 @@ class ContextConfig:
 
     length: int = 8
     """Steps that the window holds."""
-    transformer: TransformerConfig = field(default_factory=lambda: TransformerConfig(layers=2))
-    """The Transformer that reads the window; unless it is masked, empty slots count as tokens of zeros."""
+    transformer: TransformerConfig = field(
+        default_factory=lambda: TransformerConfig(layers=1, width=32, feed_forward=128)
+    )
+    """The Transformer that reads the window, by default of the sizes that the published code comes down to; unless it
+    is masked, empty slots count as tokens of zeros."""
     reset: bool = True
     """Empty the window at the start of every episode (paper); the published code never does."""
     aligned: bool = True
     """Update every sample with its own window; False gives it that of another sample, as the published code does."""
     halved: bool = False
-    """Halve layers, width and feed_forward but not T-Fixup's factors, as the published code does in silence."""
+    """Halve the given layers, width and feed_forward but not T-Fixup's factors, as the published code does in silence
+    (its flags say 2, 64 and 256)."""
     recompute: bool = True
     """Keep observations, and embed them anew with gradient in the update; False keeps the embedding made when acting
     (published code), through which no gradient flows."""

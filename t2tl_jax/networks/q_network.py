@@ -2,8 +2,8 @@
 
 Simultaneous learning updates all rows of the table on every transition. With the task at the input, as published, that
 multiplies the whole network by the number of rows. Here the state passes a trunk that all rows share; then a row either
-modulates the last two layers ("film") or only supplies the weights of the last one ("bilinear", a universal value
-function of two streams, Schaul et al., 2015), which costs hardly more for 77 rows than for one.
+modulates the last two layers ("film"), or the state is made into a matrix that maps codes of tasks to values ("bilinear",
+a universal value function of two streams, Schaul et al., 2015), which costs hardly more for 77 rows than for one.
 """
 
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from flax import linen as nn
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
 from t2tl_jax.networks.gru import GRUConfig
-from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, make_task_encoder
+from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, embedding_size, make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
 
 HE = nn.initializers.orthogonal(2**0.5)
@@ -35,8 +35,8 @@ class QNetworkConfig(TaskEncoderConfig):
     task_layer: int = 256
     """Size of the layer in which state and task meet."""
     head: Literal["film", "bilinear"] = "film"
-    """How they meet: the task scales and shifts the state's features before one more layer, or it is the weights of the
-    output layer."""
+    """How they meet: the task scales and shifts the state's features before one more layer, or the state's features are
+    made into a matrix, and the values are its product with the task."""
     dueling: bool = True
     """Value and advantage apart (Wang et al., 2016), as in the reward-machine experiments."""
     context: ContextConfig | None = None
@@ -65,10 +65,10 @@ class QNetwork(MemoryNetwork):
         if config.context is not None:
             self.context_encoder = ContextEncoder(config.context, self.num_actions)
         if config.head == "bilinear":
-            # One vector of weights for each action and one for the state's value.
-            small = nn.initializers.variance_scaling(1.0 / config.task_layer, "fan_in", "truncated_normal")
-            self.weights = nn.DenseGeneral((self.num_actions + 1, config.task_layer), kernel_init=small)
-            self.offsets = nn.Dense(self.num_actions + 1, kernel_init=nn.initializers.zeros)
+            # A matrix from the task's code and a constant to the actions' advantages and the state's value.
+            shape = (embedding_size(config) + 1, self.num_actions + 1)
+            small = nn.initializers.variance_scaling(1.0 / shape[0], "fan_in", "truncated_normal")
+            self.matrix = nn.DenseGeneral(shape, kernel_init=small)
         else:
             self.scale = nn.Dense(config.task_layer)
             self.shift = nn.Dense(config.task_layer)
@@ -119,16 +119,22 @@ class QNetwork(MemoryNetwork):
         features = self.features(obs, memory)
         if self.config.head == "film":
             return self.dueling(*self.film(features[:, None, :], embedding[None, :, :]))
-        both = jnp.einsum("bd,rad->bra", nn.relu(features), self.weights(embedding)) + self.offsets(embedding)
+        both = jnp.einsum("bea,re->bra", self.matrix(nn.relu(features)), _with_constant(embedding))
         return self.dueling(both[..., 1:], both[..., :1])
 
     def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, memory: Memory = ()) -> jax.Array:
         """Q of one row for each state: obs [B, O], embedding [rows, dim], row int32[B] -> [B, actions]."""
+        features = self.features(obs, memory)
         if self.config.head == "film":
-            return self.dueling(*self.film(self.features(obs, memory), embedding[row]))
-        # Each row's weights are too large to gather for each state; to compute all rows is one matrix product.
-        return jnp.take_along_axis(self.every_row(obs, embedding, memory), row[:, None, None], axis=1)[:, 0]
+            return self.dueling(*self.film(features, embedding[row]))
+        both = jnp.einsum("bea,be->ba", self.matrix(nn.relu(features)), _with_constant(embedding)[row])
+        return self.dueling(both[..., 1:], both[..., :1])
 
     def initialise(self, table: TaskTable, obs: jax.Array, memory: Memory = ()) -> jax.Array:
         """Touch every part once: `init(key, table, obs, memory, method="initialise")` makes all parameters."""
         return self.every_row(obs, self.embed(table), memory)
+
+
+def _with_constant(embedding: jax.Array) -> jax.Array:
+    """[rows, dim] -> [rows, dim + 1], for what does not depend on the task."""
+    return jnp.concatenate([embedding, jnp.ones_like(embedding[..., :1])], axis=-1)

@@ -82,6 +82,12 @@ class OneHotTaskEncoder(nn.Module):
         return jnp.eye(table.num_rows, self.size, k=-2)
 
 
+def embedding_size(config: TaskEncoderConfig) -> int:
+    """Numbers in the code of a task."""
+    sizes = {"transformer": config.transformer.output, "rgcn": config.rgcn.output, "gru": config.gru.output}
+    return sizes.get(config.task_encoder, config.one_hot_size)
+
+
 def make_task_encoder(config: TaskEncoderConfig) -> nn.Module:
     """The module that `config.task_encoder` names."""
     if config.task_encoder == "transformer":

@@ -8,7 +8,7 @@ import pytest
 
 from experiments import evaluate, run
 
-QUIET = ("--run.compilation-cache", "", "--run.progress", "False", "--episode-length", "5")
+QUIET = ("--run.compilation-cache", "", "--run.progress", "False", "--episode-length", "5", "--pretrained", "")
 
 
 @pytest.fixture

@@ -41,7 +41,7 @@ def test_other_encoders_have_no_attention(run, capsys):
     assert attention.main([str(run(network=network))]) == 2
     message = capsys.readouterr().err
     assert "task_encoder=gru, which has no attention" in message
-    assert "zone_ppo" in message and "zone_dfa" not in message
+    assert "zone_ppo" in message and "rm_water" not in message
 
 
 def test_only_runs_can_be_read(tmp_path, capsys):

@@ -57,13 +57,14 @@ def test_overrides_of_the_other_learner_and_environment():
 
 
 def test_a_part_can_be_changed_or_left_out():
-    context = CONFIGS["zone_t2tl"][0]
-    longer = command_line.override(context, ["--network.context.length", "12", "--network.context.halved", "True"])
-    assert longer.network.context == ContextConfig(length=12, halved=True)
+    context = CONFIGS["zone_ppo"][0]
+    longer = command_line.override(context, ["--network.context.length", "12", "--network.context.reset", "False"])
+    assert longer.network.context == ContextConfig(length=12, reset=False)
     assert config_files.from_json(config_files.to_json(longer), "test") == longer
     for flags in (["--network.context", "None"], ["--network.context=None"]):
         without = command_line.override(context, ["--frames", "2e5", *flags])
-        assert without == dataclasses.replace(CONFIGS["zone_ppo"][0], frames=200_000)
+        network = dataclasses.replace(context.network, context=None)
+        assert without == dataclasses.replace(context, frames=200_000, network=network)
     with pytest.raises(UserError, match="got neither"):
         command_line.override(context, ["--ppo", "None"])
     with pytest.raises(UserError, match=r"Unrecognized options: --network\.transformer"):
@@ -106,7 +107,7 @@ def test_files_from_before_there_were_several_kinds():
         (["--config", "zone_ppo", "--ppo.minibatch-size", "1000"], "minibatch_size must divide"),
         (["--config"], "expected one argument"),
         ([], "choose a configuration"),
-        (["--config", "zone_ppo", "--resume", "x"], "leave --config out"),
+        (["--config", "zone_ppo", "--resume", "x"], "leave --config and --method out"),
         (["--resume", "no/such/run"], "there is no folder"),
     ],
 )
@@ -187,6 +188,6 @@ def test_runs_never_share_a_folder(train):
 def test_unwritable_folder(capsys, tmp_path):
     (tmp_path / "file").write_text("")
     flags = ["--config", "zone_ppo", "--run.folder", str(tmp_path / "file"), "--run.compilation-cache", ""]
-    assert run.main(flags, fake_learner.build) == 2
+    assert run.main([*flags, "--pretrained", ""], fake_learner.build) == 2
     assert "cannot create a run" in capsys.readouterr().err
     assert Path(tmp_path / "file").read_text() == ""

@@ -7,6 +7,7 @@ import pytest
 
 from experiments.compare import differences, ending, main
 from experiments.configs import CONFIGS, Config
+from experiments.methods import apply
 
 
 @pytest.fixture
@@ -42,12 +43,15 @@ def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
 
 
 def test_differences_between_kinds_are_those_from_the_defaults():
-    zone, water = Config(), CONFIGS["waterworld_crm"][0]
+    zone, water = Config(), apply(CONFIGS["waterworld_dqn"][0], "rm")
     water = dataclasses.replace(water, frames=zone.frames)
     assert set(differences(zone, water)) == {
         "env=WaterWorldConfig",
+        "env.layout=by_seed",
         "network=QNetworkConfig",
         "network.task_encoder=one_hot",
+        "network.head=bilinear",
+        "network.task_layer=512",
         "ppo=None",
         "dqn=DQNConfig",
         "task=phi_water",

@@ -133,7 +133,7 @@ def test_a_folder_that_is_no_run_and_a_code_without_parameters_are_refused(tmp_p
         Config(network=NetworkConfig(task_encoder="one_hot"), pretrained="auto")
 
 
-@pytest.mark.parametrize("name", ["zone_ppo", "waterworld_dqn", "zone_gnn"])
+@pytest.mark.parametrize("name", ["zone_ppo", "waterworld_dqn"])
 def test_the_matching_pretraining_has_the_same_encoder_and_propositions(name):
     later = dataclasses.replace(CONFIGS[name][0], pretrained="auto", seeds="3,4")
     first = pretraining.matching(later)

@@ -24,7 +24,7 @@ SMALL = ("--network.transformer.layers", "1", "--episode-length", "40", "--run.p
 SMALL_LEARNER = {
     "zone_ppo_closed_form": (
         *("--ppo.num-envs", "8", "--ppo.rollout-steps", "32", "--ppo.minibatch-size", "128", "--ppo.epochs", "2"),
-        *("--ppo.noise-time", "0"),
+        *("--ppo.noise-time", "0", "--network.context", "None", "--pretrained", ""),
     ),
     "waterworld_dqn": (
         *("--dqn.num-envs", "8", "--dqn.steps-per-iteration", "32", "--dqn.batch-size", "16"),

@@ -15,7 +15,16 @@ HERE = Path(__file__).parent
 
 
 def start(folder: Path, frames: str, **delays: str) -> subprocess.Popen:
-    command = [sys.executable, str(HERE / "fake_learner.py"), "--config", "zone_ppo", "--run.folder", str(folder)]
+    command = [
+        sys.executable,
+        str(HERE / "fake_learner.py"),
+        "--config",
+        "zone_ppo",
+        "--run.folder",
+        str(folder),
+        "--pretrained",
+        "",
+    ]
     command += ["--frames", frames, "--run.compilation-cache", "", "--episode-length", "5"]
     return subprocess.Popen(
         command,
