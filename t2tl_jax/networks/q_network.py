@@ -2,7 +2,7 @@
 
 Simultaneous learning updates all rows of the table on every transition. With the task at the input, as published, that
 multiplies the whole network by the number of rows. Here the state passes a trunk that all rows share; then a row either
-modulates the last two layers ("film"), or the state is made into a matrix that maps codes of tasks to values ("bilinear",
+modulates the last two layers ("film"), or the state becomes a matrix that maps codes of tasks to values ("bilinear",
 a universal value function of two streams, Schaul et al., 2015), which costs hardly more for 77 rows than for one.
 """
 
