@@ -210,7 +210,7 @@ _WATERWORLD = Config(
     network=QNetworkConfig(head="bilinear", task_layer=512),
     ppo=None,
     dqn=DQNConfig(),
-    frames=3_000_000,
+    frames=2_500_000,
     episode_length=waterworld.EPISODE_LENGTH,
 )
 
@@ -286,7 +286,7 @@ CONFIGS: dict[str, tuple[Config, str]] = {
     ),
     "waterworld_dqn": (
         _WATERWORLD,
-        "T1TL by double DQN on phi_water in WaterWorld, every sub-task learned from every step; three million frames",
+        "T1TL by double DQN on phi_water in WaterWorld, every sub-task learned from every step; 2.5 million frames",
     ),
     "rm_water_crm": (
         _RM_WATER,
