@@ -1,6 +1,7 @@
 """Compare runs by their training: ``python -m experiments.compare RUN RUN ...``; interrupted runs are welcome."""
 
 import dataclasses
+import itertools
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,6 +26,10 @@ class Arguments:
     """Folders of the runs; the first one is what the others are compared with."""
     last: float = 0.05
     """Share of the iterations, at the end, over which success and return are averaged."""
+    pairs: bool = False
+    """Also test every two runs for a difference of their discounted returns."""
+    figure: Path | None = None
+    """Draw the mean curves of all runs into this PNG, beside the paper's where the task is its phi_zone."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +100,7 @@ def _main(texts: list[str]) -> int:
     from t2tl_jax.training.metrics_file import MetricsFileError
 
     base = None
+    returns_of: dict[str, np.ndarray] = {}
     print(f"{'frames/s':>11}  {'solved':>7}  {'discounted return':21}  configuration")
     for path in arguments.runs:
         folder, config = run_folder.open_existing(path)
@@ -107,11 +113,36 @@ def _main(texts: list[str]) -> int:
         solved = f"{int((end.success > SOLVED).sum())}/{len(end.success)}"
         returns = statistics.mean(end.discounted_return).text()
         what = " ".join(differences(base, config)) or str(path)
+        returns_of[str(path)] = end.discounted_return
         print(f"{speed:>11,.0f}  {solved:>7}  {returns:21}  {what}")
     print(
         f"Averages over the last {arguments.last:.0%} of training, sampled policy; brackets: 95 % intervals over seeds."
     )
+    if arguments.pairs:
+        print("\ndifference of mean returns, 95 % bootstrap interval, p of a permutation test (two-sided, uncorrected)")
+        for (first, a), (second, b) in itertools.combinations(returns_of.items(), 2):
+            try:
+                gap, p = statistics.difference(a, b)
+            except ValueError as error:
+                raise UserError(str(error)) from error
+            print(f"{gap.text():26}  p={p:.4f}  {first} - {second}")
+    if arguments.figure is not None:
+        _draw(arguments, base)
     return 0
+
+
+def _draw(arguments: Arguments, base: Any) -> None:
+    from experiments.published_curves import ZONE_CURVES
+    from experiments.run_folder import RunFolder
+    from t2tl_jax.evaluation.curves import plot_runs
+
+    assert arguments.figure is not None  # the caller's condition
+    names = {str(path): RunFolder(path).metrics for path in arguments.runs}
+    try:
+        plot_runs(names, arguments.figure, ZONE_CURVES if base.task == "phi_zone" else None)
+    except OSError as error:
+        raise UserError(f"cannot write {arguments.figure}: {error.strerror or error}") from error
+    print(f"drawn: {arguments.figure}")
 
 
 if __name__ == "__main__":

@@ -60,6 +60,34 @@ def plot_learning_curves(
     canvas.print_png(str(target))
 
 
+def plot_runs(runs: Mapping[str, Path], target: Path, published: Mapping[str, Curve] | None = None) -> None:
+    """Draw the discounted return of several runs, each with its 95 % bootstrap interval over seeds.
+
+    Args:
+        runs: the ``metrics.csv`` of each run, by name.
+        target: the PNG to write.
+        published: curves ``(frames, discounted return)``, drawn dashed in the same order of colours.
+
+    Raises:
+        MetricsFileError: if a run has no metrics to draw.
+    """
+    figure = Figure(figsize=(7.5, 4.4), layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for index, (name, metrics) in enumerate(runs.items()):
+        _, frames, values = by_seed(read_columns(metrics), "discounted_return")
+        centre, low, high = bootstrap_band(values)
+        axes.fill_between(frames, low, high, color=f"C{index}", alpha=0.15, linewidth=0)
+        axes.plot(frames, centre, color=f"C{index}", linewidth=1.6, label=f"{name} ({len(values)} seeds)")
+    for index, (name, (x, y)) in enumerate((published or {}).items()):
+        axes.plot(x, y, color=f"C{index}", linestyle="--", linewidth=1.1, label=name)
+    axes.set_xlabel("frames per seed")
+    axes.set_ylabel("discounted return")
+    axes.grid(alpha=0.3)
+    axes.legend(frameon=False, fontsize="small")
+    canvas.print_png(str(target))
+
+
 def sparkline(values: np.ndarray, width: int = 32) -> str:
     """A curve between 0 and 1 as a line of block characters; points without data are blank.
 

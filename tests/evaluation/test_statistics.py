@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from t2tl_jax.evaluation.statistics import bootstrap_band, mean, rate
+from t2tl_jax.evaluation.statistics import bootstrap_band, difference, mean, rate
 
 
 def test_wilson_against_its_formula():
@@ -48,3 +48,16 @@ def test_bootstrap_band_leaves_gaps_out():
     np.testing.assert_allclose(centre, [2.0, 5.0, np.nan])
     np.testing.assert_allclose((low[1], high[1]), 5.0)
     assert np.isnan(low[2]) and np.isnan(high[2])
+
+
+def test_differences_are_tested():
+    rng = np.random.default_rng(0)
+    low, high = rng.normal(0.5, 0.1, 12), rng.normal(0.8, 0.1, 12)
+    gap, p = difference(high, low)
+    assert gap.value == pytest.approx(high.mean() - low.mean()) and gap.low > 0 and p < 0.001
+    same, p_same = difference(low, rng.normal(0.5, 0.1, 12))
+    assert same.low < 0 < same.high and p_same > 0.05
+    back, p_back = difference(low, high)
+    assert back.value == pytest.approx(-gap.value) and p_back < 0.001
+    with pytest.raises(ValueError, match="two seeds"):
+        difference([1.0], low)
