@@ -1,4 +1,8 @@
-"""Programs that several tests compile are compiled once: workers of one session share a temporary cache on disk."""
+"""Programs that several tests compile are compiled once: workers of one session share a temporary cache on disk.
+
+Most programs here take longer to compile than to run, and half of that is LLVM optimising them, so it does not. What is
+compiled stays the same, only the machine code is slower.
+"""
 
 import os
 import tempfile
@@ -10,6 +14,8 @@ FOLDER = "T2TL_JAX_TEST_CACHE"  # environment variable, inherited by the workers
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    # Read by XLA when the first program compiles. Who asks for another level gets it.
+    os.environ["XLA_FLAGS"] = f"--xla_backend_optimization_level=0 {os.environ.get('XLA_FLAGS', '')}"
     if FOLDER not in os.environ:
         cache = tempfile.TemporaryDirectory(prefix="t2tl_jax_tests_", ignore_cleanup_errors=True)
         os.environ[FOLDER] = cache.name

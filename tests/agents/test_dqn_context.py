@@ -31,8 +31,6 @@ DQN = DQNConfig(
     epsilon_fraction=0.5,
 )
 EPISODE_LENGTH = 5
-# These programs take longer to compile than to run; half of that is spent on optimising them.
-quick = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +39,7 @@ def learner():
     probe = DiscreteCueEnv()
     env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
     agent = make_dqn(env, NETWORK, DQN, EPISODE_LENGTH, iterations=60)
-    return env, agent, quick(agent.init)(jax.random.key(0)), quick(agent.iterate)
+    return env, agent, jax.jit(agent.init)(jax.random.key(0)), jax.jit(agent.iterate)
 
 
 def test_replay_keeps_the_window_that_acted(learner):
@@ -82,7 +80,7 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
     params, target_params = state.params, jax.tree.map(lambda x: 0.9 * x, state.params)
     embedding = network.apply(params, table, method="embed")
 
-    @quick
+    @jax.jit
     def values(params, obs, window):
         rows = (jnp.full(len(obs), row) for row in range(table.num_rows))
         return jnp.stack([network.apply(params, obs, embedding, row, window) for row in rows], axis=1)
@@ -95,7 +93,7 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
     assert np.abs(values(params, stored.obs, after) - q).max() > 1e-2  # another window is another value
     expected = huber[:, np.asarray(table.is_open)] if simultaneous else huber[np.arange(100), stored.row]
     config = dataclasses.replace(DQN, simultaneous=simultaneous)
-    loss = quick(partial(dqn_loss, config, network, table))
+    loss = jax.jit(partial(dqn_loss, config, network, table))
     assert loss(params, embedding, target_params, embedding, stored)[0] == pytest.approx(expected.mean(), rel=1e-4)
 
 
@@ -106,7 +104,7 @@ def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner
         state, _ = iterate(state)
 
     def success(agent):
-        outcome = quick(lambda p: play(env, agent, p, jax.random.key(1), 200, EPISODE_LENGTH, True))(state.params)
+        outcome = jax.jit(lambda p: play(env, agent, p, jax.random.key(1), 200, EPISODE_LENGTH, True))(state.params)
         return outcome.success.mean()
 
     assert success(agent) >= 0.98

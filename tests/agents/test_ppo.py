@@ -23,6 +23,7 @@ NETWORK = NetworkConfig(
     actor_layers=(16,),
     critic_layers=(16,),
 )
+ONE_HOT = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster where the encoder does not matter
 PPO = PPOConfig(
     num_envs=16,
     rollout_steps=16,
@@ -41,8 +42,8 @@ def env():
     return TaskEnv(probe, compile_tasks(["F(Up & F(Down & F Up))"], probe.propositions, probe.alphabet))
 
 
-def make(env, iterations=60, **changes):
-    return make_ppo(env, NETWORK, dataclasses.replace(PPO, **changes), episode_length=20, iterations=iterations)
+def make(env, iterations=60, network=NETWORK, **changes):
+    return make_ppo(env, network, dataclasses.replace(PPO, **changes), episode_length=20, iterations=iterations)
 
 
 @pytest.fixture(scope="module")
@@ -52,10 +53,12 @@ def learner(env):
     return agent, jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
 
 
-@pytest.mark.parametrize("noise_time", [0.0, pytest.param(20.0, marks=pytest.mark.slow)])
-def test_replaying_a_stored_rollout_gives_probability_ratio_one(env, noise_time):
+@pytest.mark.parametrize(
+    ("network", "noise_time"), [(ONE_HOT, 20.0), pytest.param(NETWORK, 0.0, marks=pytest.mark.slow)]
+)
+def test_replaying_a_stored_rollout_gives_probability_ratio_one(env, network, noise_time):
     """One epoch of one minibatch with a vanishing learning rate: the update sees what the rollout did."""
-    agent = make(env, noise_time=noise_time, epochs=1, minibatch_size=256, learning_rate=0.0)
+    agent = make(env, network=network, noise_time=noise_time, epochs=1, minibatch_size=256, learning_rate=0.0)
     state = jax.jit(agent.init)(jax.random.key(0))
     state, metrics = jax.jit(agent.iterate)(state)
     assert metrics.episodes.episodes > 0  # the rollout crosses episode ends
@@ -69,7 +72,7 @@ def test_exploration_noise_keeps_its_variance_and_correlation(env):
     np.testing.assert_allclose(noise_correlation(config, jnp.float32(0)), np.exp(-1 / 20), atol=1e-6)
     np.testing.assert_allclose(noise_correlation(config, jnp.float32(0.25)), np.exp(-1 / 10), atol=1e-6)
     assert noise_correlation(config, jnp.float32(0.5)) == noise_correlation(config, jnp.float32(0.9)) == 0
-    agent = make(env, noise_time=20.0, num_envs=512, learning_rate=0.0)
+    agent = make(env, network=ONE_HOT, noise_time=20.0, num_envs=512, learning_rate=0.0)
     state = jax.jit(agent.init)(jax.random.key(0))
     after, _ = jax.jit(agent.iterate)(state)  # 16 steps at the start of the run
     before, after = np.asarray(state.noise).ravel(), np.asarray(after.noise).ravel()
@@ -182,7 +185,7 @@ def test_time_limit_is_bootstrapped_unless_told_otherwise(terminal):
         epochs=1,
         minibatch_size=256,
     )
-    network = dataclasses.replace(NETWORK, value_scale=0.0, task_encoder="one_hot")  # compiles faster
+    network = dataclasses.replace(ONE_HOT, value_scale=0.0)
     agent = make_ppo(env, network, config, episode_length=4, iterations=1)
     state = jax.jit(agent.init)(jax.random.key(1))
     state.params["params"]["critic"]["value"]["bias"] = jnp.ones(1)

@@ -1,7 +1,6 @@
 """PPO with context: the update sees the window that acted, memory is learnt and kept, seeds are independent."""
 
 import dataclasses
-from functools import partial
 
 import chex
 import jax
@@ -37,8 +36,6 @@ PPO = PPOConfig(
     noise_time=0,
 )
 EPISODE_LENGTH = 5
-# These programs take longer to compile than to run; half of that is spent on optimising them.
-quick = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
 
 def make(iterations=300, **changes):
@@ -63,8 +60,8 @@ def learner():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ppo, "generalised_advantages", spy)
         key = jax.eval_shape(jax.random.key, 0)
-        iterate = quick(agent.iterate).lower(jax.eval_shape(agent.init, key)).compile()
-    return env, agent, quick(agent.init), iterate
+        iterate = jax.jit(agent.iterate).lower(jax.eval_shape(agent.init, key)).compile()
+    return env, agent, jax.jit(agent.init), iterate
 
 
 def test_the_update_sees_the_window_that_acted(learner):
@@ -94,8 +91,8 @@ def test_the_value_after_a_step_is_that_of_the_window_after_the_step(learner):
 @pytest.mark.parametrize("aligned", [True, False])
 def test_published_windows_run_on_and_belong_to_other_samples(aligned):
     _, agent = make(reset=False, recompute=False, aligned=aligned)
-    state = quick(agent.init)(jax.random.key(0))
-    iterate = quick(agent.iterate)
+    state = jax.jit(agent.init)(jax.random.key(0))
+    iterate = jax.jit(agent.iterate)
     for _ in range(2):
         state, metrics = iterate(state)
         assert (abs(metrics.scalars["kl"]) < 1e-6) == aligned
@@ -111,7 +108,7 @@ def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner
     assert metrics.episodes.successes >= 0.95 * metrics.episodes.episodes
 
     def success(agent):
-        outcome = quick(lambda p: play(env, agent, p, jax.random.key(1), 200, EPISODE_LENGTH, True))(state.params)
+        outcome = jax.jit(lambda p: play(env, agent, p, jax.random.key(1), 200, EPISODE_LENGTH, True))(state.params)
         return outcome.success.mean()
 
     assert success(agent) >= 0.98
@@ -138,7 +135,7 @@ def test_vmapped_seeds_equal_single_seeds(learner):
     _, agent, init, iterate = learner
     keys = jax.random.split(jax.random.key(3), 2)
     together, alone = jax.tree.map(lambda *x: jnp.stack(x), *map(init, keys)), init(keys[1])
-    iterate_all = quick(jax.vmap(agent.iterate))
+    iterate_all = jax.jit(jax.vmap(agent.iterate))
     for _ in range(2):
         together, metrics_all = iterate_all(together)
         alone, metrics_one = iterate(alone)

@@ -21,15 +21,14 @@ def replicated_devices(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("layout", ["fixed", "random"])
-def test_brax_ppo_runs_the_environment(replicated_devices, layout):
+def test_brax_ppo_runs_the_environment(replicated_devices):
     def small_networks(*args, **kwargs):
         sizes = {"policy_hidden_layer_sizes": (16,), "value_hidden_layer_sizes": (16,)}
         return ppo_networks.make_ppo_networks(*args, **sizes, **kwargs)
 
     seen = []
     _, params, metrics = ppo.train(
-        environment=ZoneEnv(ZoneConfig(physics="closed_form", layout=layout, pool_size=16)),
+        environment=ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=16)),
         num_timesteps=320,
         episode_length=20,
         num_envs=8,

@@ -25,8 +25,6 @@ from t2tl_jax.networks.context import (
 from t2tl_jax.networks.transformer import TransformerConfig
 
 SMALL = TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8)
-# These programs take longer to compile than to run; half of that is spent on optimising them.
-quick = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 PUBLISHED = CONFIGS["zone_ppo_published"][0].network
 
 
@@ -50,8 +48,8 @@ def coder(config):
     """The encoder's code of windows and its parameters, jitted."""
     module = ContextEncoder(config)
     window = random_window((1,), config)
-    params = quick(module.init)(jax.random.key(1), window, window.seen)
-    return params, quick(lambda params, window: module.apply(params, window, window.seen))
+    params = jax.jit(module.init)(jax.random.key(1), window, window.seen)
+    return params, jax.jit(lambda params, window: module.apply(params, window, window.seen))
 
 
 @pytest.mark.parametrize(("context", "parameters"), [(PUBLISHED.context, 261_509), (None, 243_925)])
@@ -77,7 +75,7 @@ def test_published_networks_have_the_published_sizes(context, parameters):
 
 def test_t_fixup_scales_for_the_sizes_before_halving():
     window = random_window((1,), PUBLISHED.context)
-    params = quick(ContextEncoder(PUBLISHED.context).init)(jax.random.key(0), window, window.seen)["params"]
+    params = jax.jit(ContextEncoder(PUBLISHED.context).init)(jax.random.key(0), window, window.seen)["params"]
     layer = params["encoder"]["layer_0"]
     np.testing.assert_allclose(jnp.linalg.norm(layer["feed_forward_in"]["kernel"], axis=0), 0.67 * 2**-0.25, atol=1e-5)
     assert float(params["token"]["kernel"].std()) == pytest.approx(64**-0.5 * 18**-0.25, rel=0.15)  # 224 draws
@@ -87,7 +85,7 @@ def test_t_fixup_scales_for_the_sizes_before_halving():
 def test_windows_hold_the_last_steps_of_the_own_episode():
     """Against a slow loop that keeps a list of steps per environment and throws it away when the episode ends."""
     rng, length, envs = np.random.default_rng(0), 3, 4
-    step = quick(lambda w, a, r, s, ended: empty_where(without_oldest(append(w, a, r, s)), ended))
+    step = jax.jit(lambda w, a, r, s, ended: empty_where(without_oldest(append(w, a, r, s)), ended))
     window = repeated(empty_window(length, jnp.zeros(2), 5), envs)
     kept = [[] for _ in range(envs)]
     for _ in range(15):
@@ -134,11 +132,11 @@ def test_gradient_reaches_the_environment_encoder_through_the_window_iff_recompu
     table = compile_tasks(["F a"], ("a",), "at_most_one")
     obs, row = jnp.ones((2, 4)), jnp.full(2, 2)
     begin = repeated(network.begin(4), 2)
-    params = quick(partial(network.init, method="initialise"))(jax.random.key(0), table, obs, row, begin)
+    params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(0), table, obs, row, begin)
     memory = network.apply(params, begin, obs, jnp.ones((2, 1)), jnp.ones(2), method="remember")
     assert memory.seen.shape == (2, 3, 4 if recompute else 6)
 
-    gradient = quick(jax.grad(lambda p: network.apply(p, memory, method="context").sum()))(params)["params"]
+    gradient = jax.jit(jax.grad(lambda p: network.apply(p, memory, method="context").sum()))(params)["params"]
     assert any(jnp.abs(leaf).max() > 1e-4 for leaf in jax.tree.leaves(gradient["context_encoder"]))
     assert any(leaf.any() for leaf in jax.tree.leaves(gradient["environment_encoder"])) == recompute
 

@@ -1,6 +1,6 @@
 """The Transformer: published size, what masking and positions promise, attention on request."""
 
-from functools import partial
+from functools import cache, partial
 
 import chex
 import jax
@@ -22,11 +22,17 @@ def count(params) -> int:
     return sum(leaf.size for leaf in jax.tree.leaves(params))
 
 
+@cache
+def encoder(config: TransformerConfig):
+    """The function of parameters, tokens, and which of them count; and parameters, which know no length."""
+    model, tokens = TokenTransformer(config, 22), np.ones((1, 1), np.int32)
+    return jax.jit(model.apply), jax.jit(model.init)(jax.random.key(0), tokens, tokens > 0)
+
+
 def encode(config: TransformerConfig, tokens: list[list[int]], length: int) -> np.ndarray:
     padded = np.array([row + [0] * (length - len(row)) for row in tokens], np.int32)
-    model = TokenTransformer(config, 22)
-    params = jax.jit(model.init)(jax.random.key(0), padded, padded > 0)
-    return np.asarray(jax.jit(model.apply)(params, padded, padded > 0))
+    apply, params = encoder(config)
+    return np.asarray(apply(params, padded, padded > 0))
 
 
 def test_published_t1tl_has_243_925_parameters():

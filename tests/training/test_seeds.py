@@ -49,7 +49,7 @@ print(np.asarray(state.params["params"]["w"]).sum(axis=(1, 2)).tolist())
     sums = []
     for devices in ("4", "1"):
         text = program if devices == "4" else program.replace("assert len", "pass # ")
-        flags = f"--xla_force_host_platform_device_count={devices}"
+        flags = f"{os.environ['XLA_FLAGS']} --xla_force_host_platform_device_count={devices}"
         answer = subprocess.run(
             [sys.executable, "-c", text], env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True
         )
