@@ -1,6 +1,7 @@
 """The command line with the real environments and learners, at reduced size."""
 
 import dataclasses
+import itertools
 import json
 
 import chex
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from envs.zones import ZoneConfig
-from experiments import attention, compare, evaluate, run, run_folder
+from experiments import attention, compare, evaluate, methods, run, run_folder
 from experiments.build import build
 from experiments.configs import CONFIGS, PoolConfig
 from experiments.errors import UserError
@@ -40,19 +41,18 @@ OTHER_TASK = {
 }
 
 
-def reduced(name: str):
-    config = CONFIGS[name][0]
+def reduced(name: str, method: str = ""):
+    config = methods.apply(CONFIGS[name][0], method) if method else CONFIGS[name][0]
     transformer: TransformerConfig = dataclasses.replace(config.network.transformer, layers=1)
     network = dataclasses.replace(config.network, transformer=transformer)
     if network.context is not None:
         shallow = dataclasses.replace(network.context.transformer, layers=1 + network.context.halved)
         network = dataclasses.replace(network, context=dataclasses.replace(network.context, transformer=shallow))
     env = dataclasses.replace(config.env, pool_size=8) if hasattr(config.env, "pool_size") else config.env
-    other_networks = network.task_encoder != "transformer" or network.context is not None
-    if other_networks and isinstance(env, ZoneConfig):
+    if network.context is not None and isinstance(env, ZoneConfig):
         env = dataclasses.replace(env, physics="closed_form")  # compiles faster where the networks are what differs
     pool = PoolConfig(size=4, rows=64, length=48)
-    config = dataclasses.replace(config, network=network, env=env, pool=pool, frames=64, episode_length=10)
+    config = dataclasses.replace(config, network=network, env=env, pool=pool, frames=64, episode_length=10, seeds="1")
     if config.dqn is not None:
         sizes = {"num_envs": 4, "steps_per_iteration": 8, "batch_size": 16, "buffer_size": 48, "learning_starts": 8}
         return dataclasses.replace(config, dqn=dataclasses.replace(config.dqn, **sizes))
@@ -66,26 +66,30 @@ def iterate_once(config, seeds):
     return program.lowered_iterate.compile()(state)
 
 
-@pytest.mark.parametrize("name", CONFIGS)
-def test_every_config_is_sound(name):
+OTHER_NETWORKS = itertools.product(("zone_ppo_closed_form", "waterworld_dqn"), ("gnn", "dfa_cont"))
+
+
+@pytest.mark.parametrize(("name", "method"), [*((name, "") for name in CONFIGS), *OTHER_NETWORKS])
+def test_every_config_is_sound(name, method):
     """Traced, which runs everything but the arithmetic: shapes and dtypes fit, and an iteration keeps the state's."""
-    agent = build(reduced(name)).agent
+    agent = build(reduced(name, method)).agent
     state = jax.eval_shape(agent.init, jax.eval_shape(jax.random.key, 0))
     after, _ = jax.eval_shape(agent.iterate, state)
     chex.assert_trees_all_equal_shapes_and_dtypes(state, after)
 
 
-# One of each environment and learner. Those of SMALL_LEARNER run below, encoders in `tests/agents`, pre-training in
+# What is compiled nowhere else: MJX inside a learner, every choice of the published code, and the published updates of
+# reward machines. Those of SMALL_LEARNER run below, encoders and contexts in `tests/agents`, pre-training in
 # `test_pretraining.py`, random maps in `tests/envs`.
-@pytest.mark.parametrize("name", ["zone_ppo", "zone_ppo_published", "rm_water_crm"])
-def test_configs_train_one_iteration(name):
-    state, metrics = iterate_once(reduced(name), (0,))
+@pytest.mark.parametrize(("name", "method"), [("zone_ppo", "dfa"), ("zone_ppo_published", ""), ("rm_water_crm", "")])
+def test_configs_train_one_iteration(name, method):
+    state, metrics = iterate_once(reduced(name, method), (0,))
     assert all(np.isfinite(value).all() for value in metrics.scalars.values())
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(state.params))
 
 
 def test_vmapped_seeds_equal_single_seeds():
-    config = reduced("zone_ppo_closed_form")
+    config = reduced("zone_ppo_closed_form", "dfa")  # other networks in `tests/agents`
     # One step of physics only: the robot's yaw servo is unstable, so that rounding (1e-5 in velocity after one step)
     # grows to 1e-3 in position within eight. And Adam divides by the size of a gradient: with its usual epsilon, one
     # that is zero but for rounding moves a parameter by a whole learning rate. What remains is the learner itself.
