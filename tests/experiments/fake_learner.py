@@ -120,6 +120,7 @@ def make_agent() -> Agent:
 
 def build(config: Config) -> Experiment:
     if delay := float(os.environ.get("FAKE_COMPILE_SECONDS", "0")):
+        print("building", flush=True)
         time.sleep(delay)
     return Experiment(FakeEnv(), make_agent(), -(-config.frames // FRAMES_PER_ITERATION))
 

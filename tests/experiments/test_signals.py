@@ -75,7 +75,7 @@ def test_stop_during_training_saves_and_resumes(tmp_path, resume, train):
 
 def test_stop_while_preparing_writes_nothing(tmp_path):
     process = start(tmp_path, "4000", FAKE_COMPILE_SECONDS="20")
-    time.sleep(8)  # importing takes some seconds, and an interrupt during it is fine as well
+    read_until(process, "building")
     process.send_signal(signal.SIGINT)
     finish(process)
     assert not list(tmp_path.iterdir())
