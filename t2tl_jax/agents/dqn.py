@@ -23,6 +23,7 @@ from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.episodes import Episode, Outcome, advance, begin, by_task
+from t2tl_jax.training.optimizer import clipped_adam
 
 MAX_TASKS_APART = 16
 """Up to so many tasks of a table have columns of their own among the metrics."""
@@ -211,12 +212,9 @@ def make_dqn(
     network = QNetwork(network_config, num_actions)
     apply: Callable[..., Any] = network.apply  # as in dqn_loss
     gradient_steps = iterations * config.steps_per_iteration * config.updates_per_step
-    learning_rate = (
-        optax.linear_schedule(config.learning_rate, 0.0, gradient_steps)
-        if config.anneal_learning_rate
-        else config.learning_rate
+    optimizer = clipped_adam(
+        config.learning_rate, config.max_gradient_norm, gradient_steps, anneal=config.anneal_learning_rate
     )
-    optimizer = optax.chain(optax.clip_by_global_norm(config.max_gradient_norm), optax.adam(learning_rate))
     replay = flashbax.make_item_buffer(
         config.buffer_size, min_length=1, sample_batch_size=config.batch_size, add_batches=True
     )

@@ -21,6 +21,7 @@ from t2tl_jax.networks.context import Memory
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.episodes import Episode, Outcome, begin
+from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.rollout import Transitions, generalised_advantages, rollout
 
 
@@ -186,13 +187,12 @@ def make_ppo(
     network = ActorCritic(network_config, env.num_actions or env.action_size, discrete)
     apply: Callable[..., Any] = network.apply  # as in ppo_loss
     gradient_steps = iterations * config.epochs * config.num_minibatches
-    learning_rate = (
-        optax.linear_schedule(config.learning_rate, 0.0, gradient_steps)
-        if config.anneal_learning_rate
-        else config.learning_rate
-    )
-    optimizer = optax.chain(
-        optax.clip_by_global_norm(config.max_gradient_norm), optax.adam(learning_rate, eps=config.adam_epsilon)
+    optimizer = clipped_adam(
+        config.learning_rate,
+        config.max_gradient_norm,
+        gradient_steps,
+        anneal=config.anneal_learning_rate,
+        epsilon=config.adam_epsilon,
     )
 
     def world_of(state: PPOState) -> TaskEnv:

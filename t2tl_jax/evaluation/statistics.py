@@ -93,9 +93,9 @@ def difference(
         return np.mean(x, axis=axis) - np.mean(y, axis=axis)
 
     rng = np.random.default_rng(seed)
-    drawn = [x[rng.integers(0, x.size, (5 * RESAMPLES, x.size))] for x in (a, b)]
+    drawn_a, drawn_b = (x[rng.integers(0, x.size, (5 * RESAMPLES, x.size))] for x in (a, b))
     tail = (1 - CONFIDENCE) / 2
-    low, high = np.quantile(gap(*drawn), (tail, 1 - tail))
+    low, high = np.quantile(gap(drawn_a, drawn_b), (tail, 1 - tail))
     test = stats.permutation_test((a, b), gap, vectorized=True, n_resamples=5 * RESAMPLES - 1, rng=rng)
     return Estimate(float(gap(a, b)), float(low), float(high), a.size + b.size), float(test.pvalue)
 
