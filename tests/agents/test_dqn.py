@@ -115,10 +115,11 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
 def test_one_row_at_a_time_equals_every_row(env, head):
     network, obs = QNetwork(dataclasses.replace(NETWORK, head=head), 3), jax.random.normal(jax.random.key(0), (5, 3))
     params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(1), env.table, obs)
-    embedding = network.apply(params, env.table, method="embed")
-    together = network.apply(params, obs, embedding, method="every_row")
+    apply = jax.jit(network.apply, static_argnames="method")
+    embedding = apply(params, env.table, method="embed")
+    together = apply(params, obs, embedding, method="every_row")
     for row in range(env.table.num_rows):
-        one = network.apply(params, obs, embedding, jnp.full(5, row))
+        one = apply(params, obs, embedding, jnp.full(5, row))
         np.testing.assert_allclose(one, together[:, row], atol=1e-5)
 
 
@@ -150,7 +151,7 @@ def test_epsilon_falls_linearly_and_stays():
 
 def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
     agent = make(env, ONE_HOT, steps_per_iteration=10, learning_starts=8 * 20, target_period=15)
-    init, iterate = jax.jit(agent.init), jax.jit(agent.iterate)
+    init, iterate = jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
     start = init(jax.random.key(0))
     one, _ = iterate(start)
     two, _ = iterate(one)
@@ -160,6 +161,7 @@ def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
     chex.assert_trees_all_equal(three.target_params, start.params)  # next copy at gradient step 30
     four, _ = iterate(three)
     assert any((a != b).any() for a, b in zip(*map(jax.tree.leaves, (four.target_params, start.params)), strict=True))
+    assert four.iteration == 4 and iterate._cache_size() == 1  # traced and compiled once
 
 
 def test_replay_wraps_around_and_keeps_the_newest(env):
@@ -182,15 +184,6 @@ def test_vmapped_seeds_equal_single_seeds(env):
     chex.assert_trees_all_equal(
         jax.tree.map(lambda x: x[1], together.buffer.experience.action), alone.buffer.experience.action
     )
-
-
-def test_iterations_compile_once(env):
-    agent = make(env, ONE_HOT, steps_per_iteration=5)
-    iterate = jax.jit(chex.assert_max_traces(agent.iterate, n=1), donate_argnums=0)
-    state = jax.jit(agent.init)(jax.random.key(0))
-    for _ in range(3):
-        state, _ = iterate(state)
-    assert state.iteration == 3
 
 
 @pytest.mark.parametrize(

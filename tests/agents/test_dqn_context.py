@@ -17,6 +17,8 @@ from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.probe import DiscreteCueEnv
 
+pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
+
 CONTEXT = ContextConfig(length=2, transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8))
 NETWORK = QNetworkConfig(task_encoder="one_hot", state_layers=(16, 16), task_layer=16, context=CONTEXT)
 DQN = DQNConfig(
@@ -97,7 +99,6 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
     assert loss(params, embedding, target_params, embedding, stored)[0] == pytest.approx(expected.mean(), rel=1e-4)
 
 
-@pytest.mark.slow
 def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner):
     env, agent, state, iterate = learner
     for _ in range(60):

@@ -110,6 +110,7 @@ def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
     chex.assert_trees_all_close(fast, slow, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_probe_is_solved_by_reading_the_formula(learner):
     agent, init, iterate = learner
     state = init(jax.random.key(0))
@@ -163,6 +164,7 @@ def test_vmapped_seeds_equal_single_seeds(env, learner):
     np.testing.assert_allclose(behaviour(own), behaviour(alone.params), atol=1e-3)
 
 
+@pytest.mark.slow
 def test_iterations_compile_once(learner):
     _, init, iterate = learner  # a second trace is an error
     state = init(jax.random.key(0))
@@ -194,6 +196,7 @@ def test_time_limit_is_bootstrapped_unless_told_otherwise(terminal):
     np.testing.assert_allclose(metrics.scalars["value_loss"], 1.0 if terminal else 0.0, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_best_parameters_are_those_that_made_the_best_rollout(learner):
     _, init, iterate = learner
     state = init(jax.random.key(0))

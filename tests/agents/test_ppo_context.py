@@ -20,6 +20,8 @@ from t2tl_jax.training.checkpoints import Checkpoints
 from t2tl_jax.training.rollout import generalised_advantages
 from tests.probe import CueEnv
 
+pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
+
 CONTEXT = ContextConfig(length=2, transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8))
 NETWORK = NetworkConfig(
     task_encoder="one_hot", env_layers=(16,), actor_layers=(16,), critic_layers=(16,), value_scale=1.0, context=CONTEXT
@@ -87,7 +89,6 @@ def test_the_value_after_a_step_is_that_of_the_window_after_the_step(learner):
     assert np.abs(next_value[:-1] - value[1:])[~goes_on].max() > 1e-3  # another episode's value is another
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("aligned", [True, False])
 def test_published_windows_run_on_and_belong_to_other_samples(aligned):
     _, agent = make(reset=False, recompute=False, aligned=aligned)
@@ -99,7 +100,6 @@ def test_published_windows_run_on_and_belong_to_other_samples(aligned):
     assert state.memory.valid.all() and (state.episodes.elapsed == 0).any()
 
 
-@pytest.mark.slow
 def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner):
     env, agent, init, iterate = learner
     state = init(jax.random.key(0))
@@ -129,7 +129,6 @@ def test_a_checkpoint_holds_the_windows(learner, tmp_path):
     chex.assert_trees_all_equal(resumed.params, straight.params)
 
 
-@pytest.mark.slow
 def test_vmapped_seeds_equal_single_seeds(learner):
     """As without context: same behaviour to 1e-3, not the same bits."""
     _, agent, init, iterate = learner

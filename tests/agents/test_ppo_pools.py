@@ -36,6 +36,7 @@ def learner():
     return agent, jax.jit(agent.init), jax.jit(agent.iterate), jax.jit(agent.renew)
 
 
+@pytest.mark.slow
 def test_tables_take_turns_in_one_program(learner):
     agent, init, iterate, renew = learner
     state = init(jax.random.key(0))
@@ -56,6 +57,7 @@ def test_tables_take_turns_in_one_program(learner):
     assert agent.embed(state.params).shape == (64, 8)  # of the environment's own table
 
 
+@pytest.mark.slow
 def test_left_over_rows_have_no_influence(learner):
     _, init, iterate, renew = learner
     table = pool(0)

@@ -147,7 +147,11 @@ def test_the_matching_pretraining_has_the_same_encoder_and_propositions(name):
 @pytest.mark.parametrize(
     ("name", "changes", "said"),
     [
-        ("zone_ppo_closed_form", {"network": NetworkConfig(task_encoder="one_hot")}, "one-hot code says nothing"),
+        (
+            "zone_ppo_closed_form",
+            {"network": NetworkConfig(task_encoder="one_hot"), "pretrained": ""},
+            "one-hot code says nothing",
+        ),
         ("zone_ppo_closed_form", {"task_length": 10}, "leave task_length at 0"),
         ("zone_ppo_closed_form", {"task": "Until_1_3_1_2"}, "needs at least 12 propositions"),
         ("zone_ppo_closed_form", {"task": "Untl_1_2_1_1"}, "did you mean"),
