@@ -1,6 +1,7 @@
 """Comparing runs: every finished episode counts once, and only settings that matter are named."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -63,3 +64,14 @@ def test_differences_between_kinds_are_those_from_the_defaults():
 def test_wrong_folder_is_a_clean_error(tmp_path, capsys):
     assert main([str(tmp_path / "nowhere")]) == 2
     assert "there is no folder" in capsys.readouterr().err
+
+
+def test_runs_are_tested_and_drawn(tmp_path, capsys):
+    results = Path(__file__).parents[2] / "results" / "zone_methods_h200"
+    runs, figure = [str(results / name) for name in ("t2tl", "gnn", "dfa")], tmp_path / "curves.png"
+    assert main([*runs, "--pairs", "True", "--figure", str(figure)]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("p=") == 3 and "0.021 [0.004, 0.037]" in shown  # t2tl - gnn, as in docs/results.md
+    assert figure.stat().st_size > 10_000
+    assert main([runs[0], "--figure", str(tmp_path / "nowhere" / "x.png")]) == 2
+    assert "cannot write" in capsys.readouterr().err
