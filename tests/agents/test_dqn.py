@@ -77,6 +77,7 @@ def test_counterfactual_targets_equal_a_slow_loop_over_formulas(env, double, pri
             assert fast[b, row] == pytest.approx(expected, abs=1e-5), (b, row)
 
 
+@pytest.mark.slow
 def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
     table, network = env.table, QNetwork(ONE_HOT, 3)
     keys = jax.random.split(jax.random.key(0), 4)
@@ -149,6 +150,7 @@ def test_epsilon_falls_linearly_and_stays():
     np.testing.assert_allclose(values, [1.0, 0.55, 0.1, 0.1], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
     agent = make(env, ONE_HOT, steps_per_iteration=10, learning_starts=8 * 20, target_period=15)
     init, iterate = jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
@@ -164,6 +166,7 @@ def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
     assert four.iteration == 4 and iterate._cache_size() == 1  # traced and compiled once
 
 
+@pytest.mark.slow
 def test_replay_wraps_around_and_keeps_the_newest(env):
     agent = make(env, ONE_HOT, buffer_size=64, steps_per_iteration=20, learning_starts=10_000)
     state, _ = jax.jit(agent.iterate)(jax.jit(agent.init)(jax.random.key(0)))

@@ -173,7 +173,8 @@ def test_iterations_compile_once(learner):
     assert state.iteration == 3 and iterate._cache_size() == 1
 
 
-@pytest.mark.parametrize("terminal", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("terminal", [False, True])
 def test_time_limit_is_bootstrapped_unless_told_otherwise(terminal):
     """With a value of exactly 1 everywhere, no reward and no discount, only a terminal time-out makes an error."""
     probe = ProbeEnv()

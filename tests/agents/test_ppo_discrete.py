@@ -47,6 +47,7 @@ def train(agent, iterations):
     return state, metrics
 
 
+@pytest.mark.slow
 def test_replaying_a_stored_rollout_gives_probability_ratio_one(probe):
     config = dataclasses.replace(PPO, epochs=1, minibatch_size=256, learning_rate=0.0)
     network = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster

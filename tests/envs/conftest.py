@@ -64,7 +64,7 @@ def run_original(original):
 
 @pytest.fixture(scope="session", params=[pytest.param("mjx", marks=pytest.mark.slow), "closed_form"])
 def env(request) -> ZoneEnv:
-    """Both physics; in the fast subset MJX is only compared with the original, since compiling a step takes long."""
+    """Both physics; the fast subset leaves MJX out, since compiling a step takes long."""
     return ZoneEnv(ZoneConfig(physics=request.param))
 
 

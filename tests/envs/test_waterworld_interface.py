@@ -62,6 +62,7 @@ def test_typed_and_legacy_keys_give_the_same_reset(env):
     assert np.array_equal(typed.obs, other.obs) == (env.config.layout == "fixed")
 
 
+@pytest.mark.slow
 def test_vmap_equals_loop_through_a_scan(env):
     keys = jax.random.split(jax.random.key(0), BATCH)
     actions = jax.random.randint(jax.random.key(1), (100, BATCH), 0, 5)
@@ -106,6 +107,7 @@ def test_environments_can_be_copied(env):
     jax.tree.map(np.testing.assert_array_equal, env.reset(jax.random.key(1)), again.reset(jax.random.key(1)))
 
 
+@pytest.mark.slow
 def test_auto_reset_of_brax_restores_world_and_task(task_env):
     """Episodes are cut after 30 steps; afterwards world, contacts and task row are those of the first state."""
     wrapped = AutoResetWrapper(EpisodeWrapper(VmapWrapper(task_env), episode_length=30, action_repeat=1))

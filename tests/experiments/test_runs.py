@@ -147,6 +147,7 @@ def test_a_folder_in_use_is_refused(finished, resume, capsys):
     assert "another process" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_run_stops_when_it_has_converged(train, resume, read_json, capsys):
     flags = ("--convergence.window", "5", "--convergence.delta", "10", "--run.evaluation-episodes", "0")
     folder = train("--frames", "5e3", *flags)

@@ -103,6 +103,7 @@ def test_windows_hold_the_last_steps_of_the_own_episode():
             assert not window.seen[i, :empty].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("published", [False, True])
 def test_empty_slots_never_matter_and_order_does_unless_as_published(published):
     config = PUBLISHED.context if published else ContextConfig(length=8, transformer=SMALL)
@@ -124,6 +125,7 @@ def test_empty_slots_never_matter_and_order_does_unless_as_published(published):
     np.testing.assert_allclose(code(params, jax.tree.map(lambda x: x[0], window)), code(params, window)[0], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recompute", [True, False])
 def test_gradient_reaches_the_environment_encoder_through_the_window_iff_recomputed(recompute):
     context = ContextConfig(length=3, transformer=SMALL, recompute=recompute)

@@ -72,7 +72,8 @@ def test_sinusoidal_positions_follow_the_formula():
     assert table[7, 11] == pytest.approx(np.cos(7 / 10_000 ** (10 / 64)), abs=1e-6)
 
 
-@pytest.mark.parametrize("norm", ["pre", pytest.param("post", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("norm", ["pre", "post"])
 def test_output_is_bounded_and_differentiable(norm):
     config = TransformerConfig(norm=norm)
     table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one")
