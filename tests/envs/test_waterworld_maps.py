@@ -156,4 +156,5 @@ def test_maps_by_seed_are_the_numbered_maps():
     states = jax.jit(jax.vmap(lambda seed: env.for_seed(seed).reset(jax.random.key(0))))(jnp.array([3, 10]))
     for index, number in enumerate((3, 10)):
         alone = make(f"Water-M{number}-v0").reset(jax.random.key(1))
-        np.testing.assert_array_equal(states.obs[index], alone.obs)
+        # One is compiled and the other is not, which may round the last bit of a number up to 1 differently.
+        np.testing.assert_allclose(states.obs[index], alone.obs, rtol=0, atol=3e-7)
