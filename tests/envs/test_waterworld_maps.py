@@ -78,6 +78,7 @@ def test_drawn_maps_are_distributed_like_numbered_ones():
         np.testing.assert_allclose(ours.std(axis=0), theirs.std(axis=0), rtol=0.08)
 
 
+@pytest.mark.slow
 def test_parameters_can_differ_within_a_batch():
     """Radius, speeds and arena of each environment its own; each equals an environment built with these numbers."""
     radii = jnp.array([15.0, 22.5, 37.5])

@@ -49,6 +49,7 @@ def test_pool_depends_on_its_seed_alone():
     assert not np.array_equal(first.zones, other.zones)
 
 
+@pytest.mark.slow
 def test_resets_reach_the_whole_pool(random_env):
     states = jax.vmap(random_env.reset)(jax.random.split(jax.random.key(0), 5000)).pipeline_state
     starts = np.unique(np.asarray(states.qpos[:, :2]), axis=0)
@@ -67,6 +68,7 @@ def test_random_reset_shows_its_own_map(random_env):
     assert state.obs.shape == (76,) and random_env.propositions == ("Black", "White", "Red", "Yellow")
 
 
+@pytest.mark.slow
 def test_impossible_layouts_fail_clearly():
     with pytest.raises(ValueError, match="40 zones cannot be placed"):
         ZoneEnv(ZoneConfig(physics="closed_form", layout="random", colours="J" * 40, pool_size=10))

@@ -45,6 +45,7 @@ def test_published_t1tl_has_243_925_parameters():
     assert count(variables) == 243_925
 
 
+@pytest.mark.slow
 def test_masked_encoding_does_not_depend_on_padding():
     tokens = [[5, 3, 12, 5, 10], [5, 10]]
     np.testing.assert_allclose(
@@ -58,6 +59,7 @@ def test_published_encoding_depends_on_padding():
     assert np.abs(encode(PUBLISHED, tokens, 5) - encode(PUBLISHED, tokens, 25)).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_positions_tell_the_order_of_tokens_and_the_published_code_does_not():
     swapped = [[5, 3, 12, 5, 10], [5, 3, 10, 5, 12]]
     with_positions = encode(TransformerConfig(), swapped, 5)
