@@ -293,7 +293,11 @@ CONFIGS: dict[str, tuple[Config, str]] = {
         "reward-machine benchmark: ten tasks, one update per step for every state (crm); seeds 1 to 10 are its maps",
     ),
     "rm_water_ql": (
-        replace(_RM_WATER, dqn=replace(_RM_DQN, simultaneous=False, timeout_is_terminal=True)),
+        replace(
+            _RM_WATER,
+            # With targets of 32 samples instead of 32 x 77, the learning rate of crm is too large.
+            dqn=replace(_RM_DQN, simultaneous=False, timeout_is_terminal=True, learning_rate=3e-5),
+        ),
         "the same, but every step teaches only the machine's own state (ql)",
     ),
     "rm_water_parallel": (
