@@ -65,13 +65,13 @@ def start(config: Config, name: str, build: Build, command: Sequence[str]) -> in
     """
     with StopRequest() as stop:
         try:
-            experiment, seeds, program = stop.call(lambda: _prepare(config, build))
+            experiment, seeds, program = stop.call(lambda: _prepare(config, build), "while preparing")
         except Interrupted:
             print("stopped; nothing had been written")
             return stop.leave(0)
         folder = run_folder.create(Path(config.run.folder), name, config, describe(list(command)))
         with run_folder.locked(folder):
-            return stop.leave(_train(_run(folder, config, experiment, program, seeds, stop, build, command)))
+            return _train_or_hint(_run(folder, config, experiment, program, seeds, stop, build, command))
 
 
 def resume(path: Path, amend: Callable[[Config], Config], build: Build, command: Sequence[str]) -> int:
@@ -102,12 +102,12 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
         print(f"frames {stored.frames:,} -> {config.frames:,}: schedules over the length of the run now end elsewhere")
     with run_folder.locked(folder), StopRequest() as stop:
         try:
-            experiment, seeds, program = stop.call(lambda: _prepare(config, build))
+            experiment, seeds, program = stop.call(lambda: _prepare(config, build), "while preparing")
         except Interrupted:
             print("stopped; the run is as it was")
             return stop.leave(0)
         _log_session(folder, config, list(command))
-        return stop.leave(_train(_run(folder, config, experiment, program, seeds, stop, build, command)))
+        return _train_or_hint(_run(folder, config, experiment, program, seeds, stop, build, command))
 
 
 def _run(
@@ -152,31 +152,37 @@ def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
     run_folder.write_text(folder.config, run_folder.config_files.to_json(config))
 
 
-def _train(run: Run) -> int:
+def _train_or_hint(run: Run) -> int:
+    """Train, and if a signal stops it, say how to go on. Returns the exit code."""
+    try:
+        _train(run)
+    except Interrupted as when:
+        print(f"stopped {when}; continue with --resume {run.folder.path}")
+    return run.stop.leave(0)
+
+
+def _train(run: Run) -> None:
+    """Train to the end, or up to a signal. Gives no hint by itself, since a pre-training inside a run trains here too.
+
+    Raises:
+        Interrupted: saying when.
+    """
     total = run.experiment.iterations
     print(_plan(run), flush=True)
     with Checkpoints(run.folder.checkpoints) as checkpoints:
         done, state = _restore(run, checkpoints)
         if done >= total:
             print(f"all {total:,} iterations are done; --frames N with a larger N trains longer")
-            return _conclude(run, state, done)
+            _conclude(run, state, done)
+            return
         if run.convergence.reached:
             print("training has converged; --convergence.window 0 trains on to the end")
-            return _conclude(run, state, done)
-        encoder = None
-        try:
-            if state is None and run.config.pretrained:
-                encoder = _pretrained_encoder(run)
-        except Interrupted:
-            print(f"stopped during pre-training; continue with --resume {run.folder.path}")
-            return 0
-        try:
-            begin = time.monotonic()
-            init, iterate, renew = run.stop.call(lambda: _compile(run.program, fresh=state is None))
-            run.compile_seconds = time.monotonic() - begin
-        except Interrupted:
-            print(f"stopped while compiling; continue with --resume {run.folder.path}")
-            return 0
+            _conclude(run, state, done)
+            return
+        encoder = _pretrained_encoder(run) if state is None and run.config.pretrained else None
+        begin = time.monotonic()
+        init, iterate, renew = run.stop.call(lambda: _compile(run.program, fresh=state is None), "while compiling")
+        run.compile_seconds = time.monotonic() - begin
         print(f"compiled in {run.compile_seconds:.1f} s", flush=True)
         if init is not None:
             state = init(run.program.keys)
@@ -184,7 +190,7 @@ def _train(run: Run) -> int:
                 state = transfer.adopt(state, encoder, run.program.sharding)
         run.started_from = done
         done, state = _iterate(run, iterate, renew, checkpoints, state, done)
-    return _conclude(run, state, done)
+    _conclude(run, state, done)
 
 
 def _pretrained_encoder(run: Run) -> Any:
@@ -199,13 +205,14 @@ def _pretrained_encoder(run: Run) -> Any:
         experiment = run.build(stored)
     else:
         stored = pretraining.matching(config)
-        experiment, seeds, program = run.stop.call(lambda: _prepare(stored, run.build))
-        folder = run_folder.create_inside(run.folder, pretraining.FOLDER, stored, describe(run.command))
-        if run_folder.read_json(folder.status).get("state") != "finished":
-            with run_folder.locked(folder):
-                _train(_run(folder, stored, experiment, program, seeds, run.stop, run.build, run.command))
-            if run.stop.requested:
-                raise Interrupted
+        try:
+            experiment, seeds, program = run.stop.call(lambda: _prepare(stored, run.build), "while preparing")
+            folder = run_folder.create_inside(run.folder, pretraining.FOLDER, stored, describe(run.command))
+            if run_folder.read_json(folder.status).get("state") != "finished":
+                with run_folder.locked(folder):
+                    _train(_run(folder, stored, experiment, program, seeds, run.stop, run.build, run.command))
+        except Interrupted as when:
+            raise Interrupted(f"during pre-training, {when}") from None
     encoder = pretraining.load(folder, stored, experiment, config)
     run.pretraining = pretraining.summary(folder, stored)
     print(f"pre-trained: {pretraining.in_words(run.pretraining)}", flush=True)
@@ -284,36 +291,31 @@ def _iterate(run: Run, iterate: Any, renew: Any, checkpoints: Checkpoints, state
         recorder.close()
 
 
-def _conclude(run: Run, state: Any, done: int) -> int:
-    """Pictures, evaluation, final words. The training is on disk by now, so a second signal may end this anywhere."""
+def _conclude(run: Run, state: Any, done: int) -> None:
+    """Pictures, evaluation, final words. The training is on disk by now, so a second signal may end this anywhere.
+
+    Raises:
+        Interrupted: if the training was stopped before its end, or now the evaluation.
+    """
     total = run.experiment.iterations
     converged = run.convergence.reached and done < total
     finished = done >= total or converged
     _write_status(run, done, "finished" if finished else "interrupted")
     if done == 0:
-        print(f"stopped before the first iteration was complete; continue with --resume {run.folder.path}")
-        return 0
+        raise Interrupted("before the first iteration was complete")
     plot_learning_curves(run.folder.metrics, run.folder.curves, title=f"{run.config.task} ({run.folder.path})")
     print(_curves_table(run.folder))
     params = best_params(state)
-    try:
-        if finished:
-            run.stop.call(lambda: _evaluate(run, params, done))
-            run.stop.call(lambda: _draw(run, params))
-        else:
-            _draw(run, params)
-    except Interrupted:
-        print(f"stopped; the training is complete, `python -m experiments.evaluate {run.folder.path}` evaluates it")
-        return 0
+    if not finished:
+        _draw(run, params)
+        raise Interrupted(f"after iteration {done:,} of {total:,}")
+    run.stop.call(lambda: _evaluate(run, params, done), "while evaluating, with training complete")
+    run.stop.call(lambda: _draw(run, params), "while drawing, with training complete")
     if converged:
         print(f"converged after iteration {done:,} of at most {total:,}")
-    if finished:
-        print(f"done: {run.folder.path}")
-        if run.pretraining is not None:
-            print(f"pre-training before that: {pretraining.in_words(run.pretraining)}")
-    else:
-        print(f"stopped after iteration {done:,} of {total:,}; continue with --resume {run.folder.path}")
-    return 0
+    print(f"done: {run.folder.path}")
+    if run.pretraining is not None:
+        print(f"pre-training before that: {pretraining.in_words(run.pretraining)}")
 
 
 def _evaluate(run: Run, params: Any, iteration: int) -> None:
