@@ -7,8 +7,12 @@ machine in the same process, for tasks of 6 and of 77 rows and both heads of the
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from experiments.errors import UserError, guarded
+
+Head = Literal["film", "bilinear"]
+HEADS: tuple[Head, ...] = ("film", "bilinear")
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ def _main(texts: list[str]) -> int:
     print(f"{jax.devices()[0].device_kind}, jax {jax.__version__}, {arguments.num_envs} environments, batch", end=" ")
     print(f"{arguments.batch_size}; microseconds per training step, median (minimum, maximum)")
     print(f"{'task':22} {'rows':>4} {'head':9} {'one row':>22} {'every row':>22} {'ratio':>6} {'compile':>8}")
-    for (task, rows), head in itertools.product((("phi_water_6_1", 6), ("rm_water", 77)), ("film", "bilinear")):
+    for (task, rows), head in itertools.product((("phi_water_6_1", 6), ("rm_water", 77)), HEADS):
         plain, compile_plain = _time(arguments, task, rows, head, simultaneous=False)
         every, compile_every = _time(arguments, task, rows, head, simultaneous=True)
         print(
@@ -54,7 +58,7 @@ def _main(texts: list[str]) -> int:
     return 0
 
 
-def _time(arguments: Arguments, task: str, rows: int, head: str, simultaneous: bool) -> tuple[list[float], float]:
+def _time(arguments: Arguments, task: str, rows: int, head: Head, simultaneous: bool) -> tuple[list[float], float]:
     """Sorted microseconds per step, and seconds of compilation."""
     import time
 
@@ -70,7 +74,7 @@ def _time(arguments: Arguments, task: str, rows: int, head: str, simultaneous: b
         Config(
             env=WaterWorldConfig(colours=LETTERS) if task.startswith("rm") else WaterWorldConfig(),
             task=task,
-            network=QNetworkConfig(task_encoder="one_hot", one_hot_size=rows, head=head, task_layer=512),  # type: ignore[arg-type]
+            network=QNetworkConfig(task_encoder="one_hot", one_hot_size=rows, head=head, task_layer=512),
             ppo=None,
             dqn=DQNConfig(
                 num_envs=arguments.num_envs,

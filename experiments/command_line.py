@@ -6,7 +6,7 @@ import dataclasses
 import io
 import re
 import typing
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -37,6 +37,10 @@ Examples:
   python -m experiments.run --resume runs/zone_ppo/2026-01-31_12-00-00
 
 The defaults shown are those of the chosen configuration."""
+
+
+CHOOSING = ("--config", "--method", "--resume", "--list")
+"""The flags that come before those of the configuration's fields."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,7 @@ def override(config: Config, arguments: Sequence[str], prog: str = "python -m ex
         config, rest = without_parts(config, list(arguments))
     except ValueError as error:  # from the checks of the dataclasses
         raise UserError(str(error)) from error
-    return parse(Config, rest, prog, DESCRIPTION, default=config)
+    return parse(Config, rest, prog, DESCRIPTION, default=config, others=CHOOSING)
 
 
 def without_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[Any, list[str]]:
@@ -146,7 +150,14 @@ def _find_none(arguments: Sequence[str], flag: str) -> slice | None:
     return None
 
 
-def parse(kind: type[T], arguments: Sequence[str], prog: str, description: str | None, default: T | None = None) -> T:
+def parse(
+    kind: type[T],
+    arguments: Sequence[str],
+    prog: str,
+    description: str | None,
+    default: T | None = None,
+    others: Sequence[str] = (),
+) -> T:
     """Fill a dataclass from flags with tyro; prints help and exits 0 for ``--help``.
 
     Args:
@@ -155,6 +166,7 @@ def parse(kind: type[T], arguments: Sequence[str], prog: str, description: str |
         prog: how the program is called, for its help.
         description: at the top of its help.
         default: instance whose fields the flags replace; without it, fields without default are required.
+        others: flags of the same command that are read elsewhere, and may be what was meant.
 
     Raises:
         UserError: for flags that do not fit, with the nearest valid spelling.
@@ -170,7 +182,8 @@ def parse(kind: type[T], arguments: Sequence[str], prog: str, description: str |
     except SystemExit as stop:
         if stop.code in (0, None):
             raise
-        raise UserError(_plain(complaints.getvalue())) from None
+        known = [*_options(kind if default is None else default), *others]
+        raise _misspelt(arguments, known, prog) or _plain(complaints.getvalue()) from None
     except ValueError as error:  # from the checks of the dataclasses
         raise UserError(str(error)) from error
 
@@ -180,15 +193,32 @@ OPTIONS = (tyro.conf.FlagConversionOff, tyro.conf.AvoidSubcommands)
 learners the flags are those of the kind that the chosen configuration has."""
 
 
-def _plain(complaint: str) -> str:
-    """The message of tyro without its box, plus the nearest value where one of a few was expected."""
+def _options(part: Any, prefix: str = "--") -> Iterator[str]:
+    """The flags for the fields of a dataclass or an instance of one; a part has those of its own fields."""
+    for field in dataclasses.fields(part):
+        flag, value = prefix + field.name.replace("_", "-"), getattr(part, field.name, None)
+        if dataclasses.is_dataclass(value):
+            yield from _options(value, flag + ".")
+        else:
+            yield flag
+
+
+def _misspelt(arguments: Sequence[str], known: Sequence[str], prog: str) -> UserError | None:
+    """The error for flags that do not exist, each with the nearest that does; None if all do."""
+    given = [argument.partition("=")[0] for argument in arguments if argument.startswith("--")]
+    wrong = [flag for flag in given if flag.replace("_", "-") not in (*known, "--help")]
+    lines = [f"unknown option {flag!r}; did you mean {nearest(flag, known)!r}?" for flag in wrong]
+    return UserError("\n".join([*lines, f"All options: {prog} --help"])) if lines else None
+
+
+def _plain(complaint: str) -> UserError:
+    """The error that tyro wrote, without its box; with the nearest value where one of a few was expected."""
     text = re.sub(r"\x1b\[[0-9;]*m", "", complaint)
-    lines = [line.strip("│ ").rstrip() for line in text.splitlines() if not re.fullmatch(r"[╭╰│─╮╯\s]*", line)]
-    lines = [re.sub(r"^╭─+ (.*?) ─*╮$", r"\1:", line) for line in lines]
-    message = "\n".join(line for line in lines if line)
-    choice = re.search(r"invalid choice '([^']*)'.*?Expected one of\s+\(([^)]*)\)", message, re.DOTALL)
+    lines = [line.strip("│ ") for line in text.splitlines() if not re.match("[╭╰]", line)]  # the top has a title
+    lines = [line for line in lines if line.strip("─")]
+    sentence = " ".join(lines)  # tyro breaks lines anywhere
+    choice = re.search(r"invalid choice '([^']*)' for argument '([^']*)'. Expected one of \(('[^)]*)\)", sentence)
     if choice:
-        known = re.findall(r"'([^']*)'", choice.group(2))
-        if known:
-            message += f"\nDid you mean {nearest(choice.group(1), known)!r}?"
-    return message
+        given, flag, known = choice.groups()
+        return unknown(flag, given, re.findall(r"'([^']*)'", known))
+    return UserError("\n".join(lines))

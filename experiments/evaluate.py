@@ -55,7 +55,7 @@ def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
 
     with StopRequest(notice="stopping; nothing is stored") as stop:
         try:
-            stop.call(lambda: _evaluate(arguments, build))
+            stop.call(lambda: _evaluate(arguments, build), "while evaluating")
         except Interrupted:
             return stop.leave(0)
     return 0

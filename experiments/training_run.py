@@ -6,17 +6,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 
-from experiments import evaluation_run, pretraining, run_folder
+from experiments import evaluation_run, pretraining, run_display, run_folder
 from experiments.build import Experiment
 from experiments.configs import Config
+from experiments.current_run import Build, Run, write_status
 from experiments.errors import UserError
 from experiments.run_folder import RunFolder
 from t2tl_jax.agent import Metrics
 from t2tl_jax.evaluation import report
-from t2tl_jax.evaluation.curves import plot_learning_curves, sparkline
+from t2tl_jax.evaluation.curves import plot_learning_curves
 from t2tl_jax.training import loop, transfer
 from t2tl_jax.training.checkpoints import CheckpointError, Checkpoints, best_params
 from t2tl_jax.training.convergence import Convergence
@@ -29,32 +29,8 @@ from t2tl_jax.training.provenance import describe
 from t2tl_jax.training.recorder import Recorder
 from t2tl_jax.training.seeds import parse_seeds, place
 
-Build = Callable[[Config], Experiment]
-
 CHANGEABLE = ("frames", "convergence", "run")
 """Fields of a configuration that may change when a run is resumed."""
-
-
-@dataclasses.dataclass
-class Run:
-    """A run under way."""
-
-    folder: RunFolder
-    config: Config
-    experiment: Experiment
-    program: Program
-    seeds: tuple[int, ...]
-    stop: StopRequest
-    build: Build
-    command: list[str]
-    convergence: Convergence
-    compile_seconds: float = 0.0
-    train_seconds: float = 0.0
-    started_from: int = 0
-    earlier: dict[str, Any] = dataclasses.field(default_factory=dict)
-    """``status.json`` as the session before this one left it."""
-    pretraining: dict[str, Any] | None = None
-    """What the pre-training cost, and how it ended."""
 
 
 def start(config: Config, name: str, build: Build, command: Sequence[str]) -> int:
@@ -65,13 +41,13 @@ def start(config: Config, name: str, build: Build, command: Sequence[str]) -> in
     """
     with StopRequest() as stop:
         try:
-            experiment, seeds, program = stop.call(lambda: _prepare(config, build))
+            prepared = stop.call(lambda: _prepare(config, build), "while preparing")
         except Interrupted:
             print("stopped; nothing had been written")
             return stop.leave(0)
         folder = run_folder.create(Path(config.run.folder), name, config, describe(list(command)))
         with run_folder.locked(folder):
-            return stop.leave(_train(_run(folder, config, experiment, program, seeds, stop, build, command)))
+            return _train_or_hint(Run(folder, config, *prepared, stop, build, list(command)))
 
 
 def resume(path: Path, amend: Callable[[Config], Config], build: Build, command: Sequence[str]) -> int:
@@ -102,32 +78,15 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
         print(f"frames {stored.frames:,} -> {config.frames:,}: schedules over the length of the run now end elsewhere")
     with run_folder.locked(folder), StopRequest() as stop:
         try:
-            experiment, seeds, program = stop.call(lambda: _prepare(config, build))
+            prepared = stop.call(lambda: _prepare(config, build), "while preparing")
         except Interrupted:
             print("stopped; the run is as it was")
             return stop.leave(0)
         _log_session(folder, config, list(command))
-        return stop.leave(_train(_run(folder, config, experiment, program, seeds, stop, build, command)))
+        return _train_or_hint(Run(folder, config, *prepared, stop, build, list(command)))
 
 
-def _run(
-    folder: RunFolder,
-    config: Config,
-    experiment: Experiment,
-    program: Program,
-    seeds: tuple[int, ...],
-    stop: StopRequest,
-    build: Build,
-    command: Sequence[str],
-) -> Run:
-    earlier = run_folder.read_json(folder.status)
-    convergence = Convergence(config.convergence, len(seeds))
-    run = Run(folder, config, experiment, program, seeds, stop, build, list(command), convergence, earlier=earlier)
-    run.pretraining = earlier.get("pretraining")
-    return run
-
-
-def _prepare(config: Config, build: Build) -> tuple[Experiment, tuple[int, ...], Program]:
+def _prepare(config: Config, build: Build) -> tuple[Experiment, Program, tuple[int, ...]]:
     try:
         seeds = parse_seeds(config.seeds)
         if config.pretrained and not pretraining.is_auto(config):
@@ -140,7 +99,7 @@ def _prepare(config: Config, build: Build) -> tuple[Experiment, tuple[int, ...],
                 f"{config.task} is a family of random tasks, which change during training, and DQN's replay holds "
                 "steps of former tasks; train families with ppo, or DQN on a single task"
             )
-        return experiment, seeds, trace(lambda seed: experiment.of_seed(seed)[1], seeds)
+        return experiment, trace(lambda seed: experiment.of_seed(seed)[1], seeds), seeds
     except (ValueError, TypeError) as error:
         raise UserError(str(error)) from error
 
@@ -152,31 +111,37 @@ def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
     run_folder.write_text(folder.config, run_folder.config_files.to_json(config))
 
 
-def _train(run: Run) -> int:
+def _train_or_hint(run: Run) -> int:
+    """Train, and if a signal stops it, say how to go on. Returns the exit code."""
+    try:
+        _train(run)
+    except Interrupted as when:
+        print(f"stopped {when}; continue with --resume {run.folder.path}")
+    return run.stop.leave(0)
+
+
+def _train(run: Run) -> None:
+    """Train to the end, or up to a signal. Gives no hint by itself, since a pre-training inside a run trains here too.
+
+    Raises:
+        Interrupted: saying when.
+    """
     total = run.experiment.iterations
-    print(_plan(run), flush=True)
+    print(run_display.plan(run), flush=True)
     with Checkpoints(run.folder.checkpoints) as checkpoints:
         done, state = _restore(run, checkpoints)
         if done >= total:
             print(f"all {total:,} iterations are done; --frames N with a larger N trains longer")
-            return _conclude(run, state, done)
+            _conclude(run, state, done)
+            return
         if run.convergence.reached:
             print("training has converged; --convergence.window 0 trains on to the end")
-            return _conclude(run, state, done)
-        encoder = None
-        try:
-            if state is None and run.config.pretrained:
-                encoder = _pretrained_encoder(run)
-        except Interrupted:
-            print(f"stopped during pre-training; continue with --resume {run.folder.path}")
-            return 0
-        try:
-            begin = time.monotonic()
-            init, iterate, renew = run.stop.call(lambda: _compile(run.program, fresh=state is None))
-            run.compile_seconds = time.monotonic() - begin
-        except Interrupted:
-            print(f"stopped while compiling; continue with --resume {run.folder.path}")
-            return 0
+            _conclude(run, state, done)
+            return
+        encoder = _pretrained_encoder(run) if state is None and run.config.pretrained else None
+        begin = time.monotonic()
+        init, iterate, renew = run.stop.call(lambda: _compile(run.program, fresh=state is None), "while compiling")
+        run.compile_seconds = time.monotonic() - begin
         print(f"compiled in {run.compile_seconds:.1f} s", flush=True)
         if init is not None:
             state = init(run.program.keys)
@@ -184,7 +149,7 @@ def _train(run: Run) -> int:
                 state = transfer.adopt(state, encoder, run.program.sharding)
         run.started_from = done
         done, state = _iterate(run, iterate, renew, checkpoints, state, done)
-    return _conclude(run, state, done)
+    _conclude(run, state, done)
 
 
 def _pretrained_encoder(run: Run) -> Any:
@@ -199,13 +164,16 @@ def _pretrained_encoder(run: Run) -> Any:
         experiment = run.build(stored)
     else:
         stored = pretraining.matching(config)
-        experiment, seeds, program = run.stop.call(lambda: _prepare(stored, run.build))
-        folder = run_folder.create_inside(run.folder, pretraining.FOLDER, stored, describe(run.command))
-        if run_folder.read_json(folder.status).get("state") != "finished":
-            with run_folder.locked(folder):
-                _train(_run(folder, stored, experiment, program, seeds, run.stop, run.build, run.command))
-            if run.stop.requested:
-                raise Interrupted
+        try:
+            prepared = run.stop.call(lambda: _prepare(stored, run.build), "while preparing")
+            folder = run_folder.create_inside(run.folder, pretraining.FOLDER, stored, describe(run.command))
+            inner = Run(folder, stored, *prepared, run.stop, run.build, run.command)
+            if inner.earlier.get("state") != "finished":
+                with run_folder.locked(folder):
+                    _train(inner)
+        except Interrupted as when:
+            raise Interrupted(f"during pre-training, {when}") from None
+        experiment = inner.experiment
     encoder = pretraining.load(folder, stored, experiment, config)
     run.pretraining = pretraining.summary(folder, stored)
     print(f"pre-trained: {pretraining.in_words(run.pretraining)}", flush=True)
@@ -261,7 +229,7 @@ def _iterate(run: Run, iterate: Any, renew: Any, checkpoints: Checkpoints, state
         recorder.sync()  # first the rows, then the checkpoint that counts on them
         checkpoints.save(iteration, train_state, {"seeds": list(run.seeds), "frames": iteration * per_iteration})
         run.train_seconds = time.monotonic() - begin
-        _write_status(run, iteration, "training")
+        write_status(run, iteration, "training")
 
     # Which table comes next depends on the iteration alone, so a resumed run goes on with the same ones.
     pools = Prefetch(run.experiment.pools or (lambda number: None))
@@ -284,36 +252,31 @@ def _iterate(run: Run, iterate: Any, renew: Any, checkpoints: Checkpoints, state
         recorder.close()
 
 
-def _conclude(run: Run, state: Any, done: int) -> int:
-    """Pictures, evaluation, final words. The training is on disk by now, so a second signal may end this anywhere."""
+def _conclude(run: Run, state: Any, done: int) -> None:
+    """Pictures, evaluation, final words. The training is on disk by now, so a second signal may end this anywhere.
+
+    Raises:
+        Interrupted: if the training was stopped before its end, or now the evaluation.
+    """
     total = run.experiment.iterations
     converged = run.convergence.reached and done < total
     finished = done >= total or converged
-    _write_status(run, done, "finished" if finished else "interrupted")
+    write_status(run, done, "finished" if finished else "interrupted")
     if done == 0:
-        print(f"stopped before the first iteration was complete; continue with --resume {run.folder.path}")
-        return 0
+        raise Interrupted("before the first iteration was complete")
     plot_learning_curves(run.folder.metrics, run.folder.curves, title=f"{run.config.task} ({run.folder.path})")
-    print(_curves_table(run.folder))
+    print(run_display.curves_table(run.folder))
     params = best_params(state)
-    try:
-        if finished:
-            run.stop.call(lambda: _evaluate(run, params, done))
-            run.stop.call(lambda: _draw(run, params))
-        else:
-            _draw(run, params)
-    except Interrupted:
-        print(f"stopped; the training is complete, `python -m experiments.evaluate {run.folder.path}` evaluates it")
-        return 0
+    if not finished:
+        _draw(run, params)
+        raise Interrupted(f"after iteration {done:,} of {total:,}")
+    run.stop.call(lambda: _evaluate(run, params, done), "while evaluating, with training complete")
+    run.stop.call(lambda: _draw(run, params), "while drawing, with training complete")
     if converged:
         print(f"converged after iteration {done:,} of at most {total:,}")
-    if finished:
-        print(f"done: {run.folder.path}")
-        if run.pretraining is not None:
-            print(f"pre-training before that: {pretraining.in_words(run.pretraining)}")
-    else:
-        print(f"stopped after iteration {done:,} of {total:,}; continue with --resume {run.folder.path}")
-    return 0
+    print(f"done: {run.folder.path}")
+    if run.pretraining is not None:
+        print(f"pre-training before that: {pretraining.in_words(run.pretraining)}")
 
 
 def _evaluate(run: Run, params: Any, iteration: int) -> None:
@@ -329,88 +292,3 @@ def _evaluate(run: Run, params: Any, iteration: int) -> None:
 def _draw(run: Run, params: Any) -> None:
     if run.config.run.gif:
         evaluation_run.draw_episode(run.experiment, run.config, params, run.folder)
-
-
-def _write_status(run: Run, iteration: int, state: str) -> None:
-    trained = iteration - run.started_from
-    frames = trained * run.experiment.agent.frames_per_iteration * len(run.seeds)
-    status = {
-        "state": state,
-        "iteration": iteration,
-        "iterations": run.experiment.iterations,
-        "frames_per_seed": iteration * run.experiment.agent.frames_per_iteration,
-        "seeds": list(run.seeds),
-    }
-    if run.train_seconds > 0:
-        status["last_session"] = {
-            "compile_seconds": round(run.compile_seconds, 2),
-            "training_seconds": round(run.train_seconds, 2),
-            "frames_per_second_all_seeds": round(frames / run.train_seconds, 1),
-        }
-    before = run.earlier.get("all_sessions", {})
-    status["all_sessions"] = {
-        "compile_seconds": round(before.get("compile_seconds", 0.0) + run.compile_seconds, 2),
-        "training_seconds": round(before.get("training_seconds", 0.0) + run.train_seconds, 2),
-    }
-    if run.pretraining is not None:
-        status["pretraining"] = run.pretraining
-    run_folder.write_json(run.folder.status, status)
-
-
-def _plan(run: Run) -> str:
-    asked, per_iteration = run.config.frames, run.experiment.agent.frames_per_iteration
-    actual = run.experiment.iterations * per_iteration
-    frames = f"{actual:,} frames per seed = {run.experiment.iterations:,} iterations x {per_iteration:,}"
-    if actual != asked:
-        frames += f" (asked for {asked:,}: {actual - asked:+,}, since iterations are whole)"
-    devices = jax.devices()
-    used = len(run.program.sharding.device_set) if run.program.sharding else 1
-    seeds = f"seed {run.seeds[0]}" if len(run.seeds) == 1 else f"{len(run.seeds)} seeds"
-    return "\n".join(
-        (
-            f"run    {run.folder.path}",
-            f"task   {run.config.task}",
-            f"plan   {frames}; {seeds}",
-            f"device {devices[0].device_kind}, {used} of {len(devices)} used",
-            *_more_plan(run),
-        )
-    )
-
-
-def _more_plan(run: Run) -> list[str]:
-    """Lines about what not every run has."""
-    config, lines = run.config, []
-    if run.experiment.pools is not None:
-        pool = config.pool
-        lines.append(
-            f"pools  {pool.size} random formulas for {pool.period} iterations, then others, the same for all seeds"
-        )
-    if config.convergence.window:
-        end = config.convergence
-        lines.append(
-            f"stop   sooner if the return gains at most {end.delta:g} from {end.window} iterations to the next as many"
-        )
-    if run.pretraining is not None:
-        lines.append(f"before {pretraining.in_words(run.pretraining)}")
-    elif pretraining.is_auto(config):
-        first = pretraining.matching(config)
-        lines.append(f"before pre-training on {first.task}, at most {first.frames:,} frames per seed, counted apart")
-    elif config.pretrained:
-        lines.append(f"before the task encoder of {config.pretrained}")
-    return lines
-
-
-def _curves_table(folder: RunFolder) -> str:
-    """Success rate of every seed over the training, and its last value."""
-    columns = read_columns(folder.metrics)
-    seeds, _, success = by_seed(columns, "success_rate")
-    _, _, returns = by_seed(columns, "discounted_return")
-    lines = ["success rate during training (sampled policy), last value, last discounted return"]
-    for seed, curve, gained in zip(seeds, success, returns, strict=True):
-        lines.append(f"seed {seed:<5} {sparkline(curve)}  {_last(curve)}  {_last(gained)}")
-    return "\n".join(lines)
-
-
-def _last(values: np.ndarray) -> str:
-    known = values[np.isfinite(values)]
-    return f"{known[-1]:.3f}" if known.size else "no episode ended"

@@ -211,6 +211,8 @@ def make_dqn(
     table, num_actions = env.table, env.num_actions
     network = QNetwork(network_config, num_actions)
     apply: Callable[..., Any] = network.apply  # as in dqn_loss
+    begin_memory = partial(network.begin, env.observation_size)
+    remember = partial(apply, method="remember")
     gradient_steps = iterations * config.steps_per_iteration * config.updates_per_step
     optimizer = clipped_adam(
         config.learning_rate, config.max_gradient_norm, gradient_steps, anneal=config.anneal_learning_rate
@@ -249,12 +251,6 @@ def make_dqn(
         deterministic: bool,
     ) -> jax.Array:
         return choose(params, embedding, memory, obs, row, key, 0.0 if deterministic else config.epsilon_end)
-
-    def begin_memory() -> Memory:
-        return network.begin(env.observation_size)
-
-    def remember(params: Params, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
-        return apply(params, memory, obs, action, reward, method="remember")
 
     def compare(
         params: Params, memory: Memory, obs: jax.Array, task: jax.Array, other: jax.Array

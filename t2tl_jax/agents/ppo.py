@@ -186,6 +186,8 @@ def make_ppo(
     context, discrete = network_config.context, env.num_actions is not None
     network = ActorCritic(network_config, env.num_actions or env.action_size, discrete)
     apply: Callable[..., Any] = network.apply  # as in ppo_loss
+    begin_memory = partial(network.begin, env.observation_size)
+    remember = partial(apply, method="remember")
     gradient_steps = iterations * config.epochs * config.num_minibatches
     optimizer = clipped_adam(
         config.learning_rate,
@@ -202,9 +204,6 @@ def make_ppo(
     def embed(params: Params, table: TaskTable = env.table) -> jax.Array:
         return apply(params, table, method="embed")
 
-    def begin_memory() -> Memory:
-        return network.begin(env.observation_size)
-
     def act(
         params: Params,
         embedding: jax.Array,
@@ -216,9 +215,6 @@ def make_ppo(
     ) -> jax.Array:
         distribution = apply(params, obs, embedding[row], memory, method="policy")
         return distribution.mode() if deterministic else distribution.sample(key)[0]
-
-    def remember(params: Params, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
-        return apply(params, memory, obs, action, reward, method="remember")
 
     def compare(
         params: Params, memory: Memory, obs: jax.Array, task: jax.Array, other: jax.Array

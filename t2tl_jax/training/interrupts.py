@@ -14,7 +14,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupted(Exception):
-    """The user asked to stop while something ran that had nothing to save."""
+    """The user asked to stop; the message says when that was, as in "while compiling"."""
 
 
 class StopRequest:
@@ -44,17 +44,17 @@ class StopRequest:
         """Whether a signal has arrived."""
         return self._event.is_set()
 
-    def call(self, function: Callable[[], T]) -> T:
+    def call(self, function: Callable[[], T], when: str) -> T:
         """Run something long that has nothing to save (compilation, evaluation), and leave it when a signal arrives.
 
         It runs in a thread, because a signal cannot reach Python while XLA compiles or computes in the main one. What
         is left behind goes on unseen; ``leave`` then ends the process without waiting for it.
 
         Raises:
-            Interrupted: if a signal has arrived, before or during the call.
+            Interrupted: saying `when`, if a signal has arrived before or during the call.
         """
         if self.requested:
-            raise Interrupted
+            raise Interrupted(when)
         outcome: dict[str, Any] = {}
 
         def work() -> None:
@@ -68,7 +68,7 @@ class StopRequest:
         while thread.is_alive():
             if self.requested:
                 self._abandoned.append(thread)
-                raise Interrupted
+                raise Interrupted(when)
             thread.join(timeout=0.1)
         if "error" in outcome:
             raise outcome["error"]

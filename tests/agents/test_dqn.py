@@ -12,12 +12,12 @@ import pytest
 from t2tl_jax.agents.dqn import DQNConfig, Transition, dqn_loss, epsilon, make_dqn, targets
 from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines, progress
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
-from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
+from tests.agents.sizes import TRANSFORMER
 from tests.probe import DiscreteProbeEnv
 
 NETWORK = QNetworkConfig(
-    transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8),
+    transformer=TRANSFORMER,
     state_layers=(16,),
     task_layer=32,
 )

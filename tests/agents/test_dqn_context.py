@@ -13,13 +13,13 @@ from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
-from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
+from tests.agents.sizes import TRANSFORMER
 from tests.probe import DiscreteCueEnv
 
 pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
 
-CONTEXT = ContextConfig(length=2, transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8))
+CONTEXT = ContextConfig(length=2, transformer=TRANSFORMER)
 NETWORK = QNetworkConfig(task_encoder="one_hot", state_layers=(16, 16), task_layer=16, context=CONTEXT)
 DQN = DQNConfig(
     num_envs=8,

@@ -9,31 +9,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.ppo import Batch, PPOConfig, make_ppo, noise_correlation, ppo_loss
+from t2tl_jax.agents.ppo import Batch, make_ppo, noise_correlation, ppo_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.gru import GRUConfig
-from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
+from tests.agents.sizes import PPO, TRANSFORMER
 from tests.probe import ProbeEnv
 
 NETWORK = NetworkConfig(
-    transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8),
+    transformer=TRANSFORMER,
     env_layers=(16,),
     actor_layers=(16,),
     critic_layers=(16,),
 )
 ONE_HOT = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster where the encoder does not matter
-PPO = PPOConfig(
-    num_envs=16,
-    rollout_steps=16,
-    epochs=4,
-    minibatch_size=64,
-    discount=0.9,
-    gae_lambda=0.9,
-    learning_rate=3e-3,
-    noise_time=0,
-)
 
 
 @pytest.fixture(scope="module")

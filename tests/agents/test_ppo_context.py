@@ -9,34 +9,25 @@ import numpy as np
 import pytest
 
 from t2tl_jax.agents import ppo
-from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
-from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.checkpoints import Checkpoints
 from t2tl_jax.training.rollout import generalised_advantages
+from tests.agents import sizes
 from tests.probe import CueEnv
 
 pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
 
-CONTEXT = ContextConfig(length=2, transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8))
+CONTEXT = ContextConfig(length=2, transformer=sizes.TRANSFORMER)
 NETWORK = NetworkConfig(
     task_encoder="one_hot", env_layers=(16,), actor_layers=(16,), critic_layers=(16,), value_scale=1.0, context=CONTEXT
 )
 # One minibatch: its probability ratios are those of the parameters that acted.
-PPO = PPOConfig(
-    num_envs=32,
-    rollout_steps=8,
-    epochs=1,
-    minibatch_size=256,
-    discount=0.9,
-    gae_lambda=0.9,
-    learning_rate=1e-2,
-    noise_time=0,
-)
+PPO = dataclasses.replace(sizes.PPO, num_envs=32, rollout_steps=8, epochs=1, minibatch_size=256, learning_rate=1e-2)
 EPISODE_LENGTH = 5
 
 

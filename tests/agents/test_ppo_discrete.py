@@ -9,29 +9,20 @@ import numpy as np
 import pytest
 
 from envs.single_state import SingleState
-from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
+from tests.agents import sizes
 from tests.probe import DiscreteProbeEnv
 
 NETWORK = NetworkConfig(
-    transformer=TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8),
+    transformer=sizes.TRANSFORMER,
     env_layers=(),
     actor_layers=(),
     critic_layers=(),
 )
-PPO = PPOConfig(
-    num_envs=16,
-    rollout_steps=16,
-    epochs=4,
-    minibatch_size=64,
-    discount=0.9,
-    gae_lambda=0.9,
-    learning_rate=3e-3,
-    entropy_coefficient=0.01,
-)
+PPO = dataclasses.replace(sizes.PPO, entropy_coefficient=0.01)
 
 
 @pytest.fixture(scope="module")

@@ -67,7 +67,7 @@ def make_agent() -> Agent:
 
     def init(key: jax.Array) -> FakeState:
         key, params_key = jax.random.split(key)
-        params = {"params": {"w": jax.random.normal(params_key, (4, 3)), "b": jnp.zeros(3)}}
+        params = {"params": {"w": jax.random.normal(params_key, (4, 3)), "task_encoder": {"b": jnp.zeros(3)}}}
         # The iteration is weakly typed on purpose: it must not lead to a second compilation.
         return FakeState(params, optimizer.init(params), key, jnp.asarray(0), params, jnp.float32(-jnp.inf))
 
@@ -78,7 +78,7 @@ def make_agent() -> Agent:
 
         def loss(params: Any) -> jax.Array:
             x = jax.random.normal(draw, (8, 4))
-            return jnp.square(jnp.tanh(x @ params["params"]["w"]) + params["params"]["b"]).mean()
+            return jnp.square(jnp.tanh(x @ params["params"]["w"]) + params["params"]["task_encoder"]["b"]).mean()
 
         value, gradient = jax.value_and_grad(loss)(state.params)
         updates, opt_state = optimizer.update(gradient, state.opt_state)

@@ -27,7 +27,7 @@ def run(tmp_path):
         (["--row", "0"], "no sub-task"),
         (["--seed", "3"], "no seed 3; its seeds: 0, 1"),
         (["--episodes", "0"], "--episodes must be at least 1"),
-        (["--checkpoint", "last"], "Did you mean 'latest'"),
+        (["--checkpoint", "last"], "did you mean 'latest'"),
         ([], "no complete checkpoint"),
     ],
 )

@@ -67,7 +67,7 @@ def test_a_part_can_be_changed_or_left_out():
         assert without == dataclasses.replace(context, frames=200_000, network=network)
     with pytest.raises(UserError, match="got neither"):
         command_line.override(context, ["--ppo", "None"])
-    with pytest.raises(UserError, match=r"Unrecognized options: --network\.transformer"):
+    with pytest.raises(UserError, match=r"unknown option '--network\.transformer'"):
         command_line.override(context, ["--network.transformer", "None"])  # not an optional part
 
 
@@ -94,11 +94,14 @@ def test_files_from_before_there_were_several_kinds():
     ("flags", "said"),
     [
         (["--config", "zone_pp"], "did you mean 'zone_ppo'"),
-        (["--config", "zone_ppo", "--ppo.learnin-rate", "1"], "--ppo.learning-rate"),
-        (["--config", "zone_ppo", "--env.physics", "mj"], "Did you mean 'mjx'"),
-        (["--config", "zone_ppo", "--dqn.learning-rate", "1"], "Perhaps you meant: --ppo.learning-rate"),
-        (["--config", "waterworld_dqn", "--ppo.learning-rate", "1"], "Perhaps you meant: --dqn.learning-rate"),
-        (["--config", "waterworld_dqn", "--env.physics", "mjx"], "Unrecognized options: --env.physics"),
+        (["--config", "zone_ppo", "--dqn.learning-rate", "1"], "did you mean '--ppo.learning-rate'"),
+        (["--config", "waterworld_dqn", "--ppo.learning-rate", "1"], "did you mean '--dqn.learning-rate'"),
+        (["--config", "waterworld_dqn", "--env.physics", "mjx"], "unknown option '--env.physics'"),
+        (
+            ["--config", "zone_ppo", "--ppo.learning-rate", "fast"],
+            "Error parsing --ppo.learning-rate: could not convert",
+        ),
+        (["--config", "zone_ppo", "--ppo.clip", "0.1", "0.2"], "Unrecognized options: 0.2"),
         (["--config", "waterworld_dqn", "--dqn.buffer-size", "1"], "buffer_size must hold"),
         (["--config", "zone_ppo", "--frames", "2.5"], "whole number"),
         (["--config", "zone_ppo", "--frames", "0"], "at least 1"),
@@ -120,6 +123,36 @@ def test_mistakes_are_explained_before_anything_is_written(flags, said, capsys, 
     assert said in " ".join(message.split())
     assert message.count("\n") < 25
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (
+            ["--network.context.lenght", "3"],
+            "unknown option '--network.context.lenght'; did you mean '--network.context.length'?",
+        ),
+        (["--ppo.learnin_rate=1"], "unknown option '--ppo.learnin_rate'; did you mean '--ppo.learning-rate'?"),
+        (["--metod", "t1tl"], "unknown option '--metod'; did you mean '--method'?"),
+        # Both at once: that values do not fit together may come of the misspelt option.
+        (["--ppo.clp", "3", "--ppo.minibatch-size", "7"], "unknown option '--ppo.clp'; did you mean '--ppo.clip'?"),
+        (["--env.physics", "mj"], "unknown --env.physics 'mj'; did you mean 'mjx'?"),
+        (["--network.transformer.norm", "pots"], "unknown --network.transformer.norm 'pots'; did you mean 'post'?"),
+    ],
+)
+def test_misspelt_options_and_choices_are_answered_in_the_first_of_two_lines(flags, said, capsys):
+    assert run.main(["--config", "zone_ppo", *flags, "--run.compilation-cache", ""], fake_learner.build) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == f"error: {said}"
+    assert second.startswith(("All options: python -m experiments.run", "Known: "))
+
+
+def test_every_misspelt_option_is_answered(capsys):
+    assert run.main(["--config", "zone_ppo", "--ppo.clp", "3", "--frame", "3", "--seeds", "1"], fake_learner.build) == 2
+    assert [line.split("'")[1::2] for line in capsys.readouterr().err.splitlines()[:2]] == [
+        ["--ppo.clp", "--ppo.clip"],
+        ["--frame", "--frames"],
+    ]
 
 
 def test_unknown_tasks_are_refused_with_the_nearest(capsys, tmp_path):

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow  # every test waits for a process that loads JAX
 HERE = Path(__file__).parent
 
 
-def start(folder: Path, frames: str, **delays: str) -> subprocess.Popen:
+def start(folder: Path, frames: str, pretrained: str = "", **delays: str) -> subprocess.Popen:
     command = [
         sys.executable,
         str(HERE / "fake_learner.py"),
@@ -23,7 +23,7 @@ def start(folder: Path, frames: str, **delays: str) -> subprocess.Popen:
         "--run.folder",
         str(folder),
         "--pretrained",
-        "",
+        pretrained,
     ]
     command += ["--frames", frames, "--run.compilation-cache", "", "--episode-length", "5"]
     return subprocess.Popen(
@@ -73,6 +73,22 @@ def test_stop_during_training_saves_and_resumes(tmp_path, resume, train):
     assert (run / "metrics.csv").read_bytes() == (whole / "metrics.csv").read_bytes()
 
 
+@pytest.mark.parametrize("moment", ["/pretraining\n", "training:"])  # about to compile, and at work
+def test_stop_during_automatic_pretraining_gives_one_hint_which_works(tmp_path, resume, read_json, moment):
+    process = start(tmp_path, "300", pretrained="auto", FAKE_SECONDS="0.05")
+    seen = read_until(process, moment)
+    process.send_signal(signal.SIGINT)
+    output = seen + finish(process)
+    assert process.returncode == 0, output
+    (run,) = (tmp_path / "zone_ppo").iterdir()
+    assert "stopped during pre-training" in output
+    assert output.count("--resume") == 1 and f"continue with --resume {run}\n" in output
+    assert resume(run, "--run.progress", "False", "--run.evaluation-episodes", "0") == 0
+    assert read_json(run / "status.json")["iteration"] == 3
+    assert read_json(run / "status.json")["pretraining"]["frames_per_seed"] > 0
+    assert read_json(run / "pretraining" / "status.json")["state"] == "finished"
+
+
 def test_stop_while_preparing_writes_nothing(tmp_path):
     process = start(tmp_path, "4000", FAKE_COMPILE_SECONDS="20")
     read_until(process, "building")
@@ -87,5 +103,5 @@ def test_stop_during_evaluation_keeps_the_training(tmp_path):
     process.send_signal(signal.SIGTERM)
     output = finish(process)
     assert process.returncode == 0, output
-    assert "the training is complete" in output
+    assert "stopped while evaluating, with training complete; continue with --resume" in output
     assert iterations(tmp_path) == 3
