@@ -123,7 +123,7 @@ class Config:
     """Stop before that when training has converged. Schedules over the run do not move."""
     pretrained: str = ""
     """Start with the task encoder (best parameters) of a pre-training run: its folder; or 'auto' to pre-train now on
-    random formulas, 'auto:TASK' on another task or family; '' starts fresh."""
+    random formulas, 'auto:own' on this run's task, 'auto:TASK' on another task or family; '' starts fresh."""
     seeds: str = "1"
     """How many seeds (4 means 0, 1, 2, 3) or which (0,3,7; a single seed 7 is '7,'). All train in one program."""
     episode_length: Count = zones.EPISODE_LENGTH
@@ -145,6 +145,12 @@ class Config:
         if not isinstance(self.network, needed):
             learner = "ppo" if self.dqn is None else "dqn"
             raise ValueError(f"{learner} needs network={needed.__name__}(...), got a {type(self.network).__name__}")
+        if self.network.freeze_task_encoder and not self.pretrained and self.network.task_encoder != "one_hot":
+            raise ValueError(
+                "a frozen task encoder that was not pre-trained never learns anything, got "
+                "network.freeze_task_encoder=True with pretrained=''; give --pretrained auto, or "
+                "--network.freeze-task-encoder False"
+            )
         if self.pretrained and self.network.task_encoder == "one_hot":
             raise ValueError(
                 f"a one-hot code has no parameters to pre-train, got pretrained={self.pretrained!r} with "
@@ -204,10 +210,13 @@ _PUBLISHED = Config(
     ),
 )
 
+# Fixed codes, learned before on the task itself, as in the authors' DQN: there is a gradient step after every few steps
+# of the environment, and with each the codes of all sub-tasks would move under the values.
 _WATERWORLD = Config(
     env=WaterWorldConfig(layout="by_seed"),
     task="phi_water",
-    network=QNetworkConfig(head="bilinear", task_layer=512),
+    pretrained="auto:own",
+    network=QNetworkConfig(head="bilinear", task_layer=512, freeze_task_encoder=True),
     ppo=None,
     dqn=DQNConfig(),
     frames=2_500_000,
@@ -286,7 +295,8 @@ CONFIGS: dict[str, tuple[Config, str]] = {
     ),
     "waterworld_dqn": (
         _WATERWORLD,
-        "T1TL by double DQN on phi_water in WaterWorld, every sub-task learned from every step; 2.5 million frames",
+        "T1TL by double DQN on phi_water in WaterWorld, every sub-task learned from every step; 2.5 million frames "
+        "after pre-training on the same task",
     ),
     "rm_water_crm": (
         _RM_WATER,

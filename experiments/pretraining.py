@@ -19,6 +19,9 @@ from t2tl_jax.training import transfer
 from t2tl_jax.training.seeds import parse_seeds
 
 AUTO = "auto"
+OWN = "own"
+"""Behind ``auto:``, the task of the run itself."""
+
 FOLDER = "pretraining"
 """Folder inside a run in which its own pre-training lies, an ordinary run."""
 
@@ -38,7 +41,7 @@ def matching(config: Config) -> Config:
     return replace(
         PRETRAINING,
         env=SingleStateConfig(_propositions(config)),
-        task=task or PRETRAINING.task,
+        task=config.task if task == OWN else task or PRETRAINING.task,
         network=replace(PRETRAINING.network, **encoder | {"freeze_task_encoder": False}),
         seeds=config.seeds,
         run=replace(config.run, gif=False),

@@ -113,6 +113,16 @@ class QNetwork(MemoryNetwork):
         """features [..., task_layer] -> [..., dim + 1, actions + 1], which maps a task's code to its values."""
         return self.matrix(nn.relu(features)).reshape(*features.shape[:-1], -1, self.num_actions + 1)
 
+    def codes(self, embedding: jax.Array) -> jax.Array:
+        """[rows, dim] -> [rows, dim + 1]: codes of about unit length, and a constant for what all tasks share.
+
+        Learned codes are up to sqrt(dim) long, one-hot ones 1. Unscaled, a step of Adam on the matrix would move the
+        values of learned codes many times as far, and no one learning rate would suit both.
+        """
+        if self.config.task_encoder != "one_hot":
+            embedding = embedding / embedding.shape[-1] ** 0.5
+        return jnp.concatenate([embedding, jnp.ones_like(embedding[..., :1])], axis=-1)
+
     def dueling(self, advantage: jax.Array, state_value: jax.Array) -> jax.Array:
         """Q [..., actions] of the two heads, each [..., actions] or [..., 1]."""
         if not self.config.dueling:
@@ -124,7 +134,7 @@ class QNetwork(MemoryNetwork):
         features = self.features(obs, memory)
         if self.config.head == "film":
             return self.dueling(*self.film(features[:, None, :], embedding[None, :, :]))
-        both = jnp.einsum("bea,re->bra", self.matrices(features), _with_constant(embedding))
+        both = jnp.einsum("bea,re->bra", self.matrices(features), self.codes(embedding))
         return self.dueling(both[..., 1:], both[..., :1])
 
     def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, memory: Memory = ()) -> jax.Array:
@@ -132,14 +142,9 @@ class QNetwork(MemoryNetwork):
         features = self.features(obs, memory)
         if self.config.head == "film":
             return self.dueling(*self.film(features, embedding[row]))
-        both = jnp.einsum("bea,be->ba", self.matrices(features), _with_constant(embedding)[row])
+        both = jnp.einsum("bea,be->ba", self.matrices(features), self.codes(embedding)[row])
         return self.dueling(both[..., 1:], both[..., :1])
 
     def initialise(self, table: TaskTable, obs: jax.Array, memory: Memory = ()) -> jax.Array:
         """Touch every part once: `init(key, table, obs, memory, method="initialise")` makes all parameters."""
         return self.every_row(obs, self.embed(table), memory)
-
-
-def _with_constant(embedding: jax.Array) -> jax.Array:
-    """[rows, dim] -> [rows, dim + 1], for what does not depend on the task."""
-    return jnp.concatenate([embedding, jnp.ones_like(embedding[..., :1])], axis=-1)

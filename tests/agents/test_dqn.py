@@ -12,6 +12,7 @@ import pytest
 from t2tl_jax.agents.dqn import DQNConfig, Transition, dqn_loss, epsilon, make_dqn, targets
 from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines, progress
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.networks.task_encoders import embedding_size
 from t2tl_jax.task_env import TaskEnv
 from tests.agents.sizes import TRANSFORMER
 from tests.probe import DiscreteProbeEnv
@@ -110,6 +111,15 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
         error = np.abs(np.asarray(q[np.arange(size), 3, batch.action] - goal))
         expected = np.where(error < 1, 0.5 * error**2, error - 0.5).mean()
         assert loss(False, **switches) == pytest.approx(expected, rel=1e-4), switches
+
+
+def test_codes_of_all_encoders_are_of_the_same_length_to_the_bilinear_head(env):
+    for config in (NETWORK, ONE_HOT):
+        network = QNetwork(dataclasses.replace(config, head="bilinear"), 3)
+        embedding = jnp.eye(4, embedding_size(config)) if config is ONE_HOT else jnp.ones((4, embedding_size(config)))
+        codes = network.apply({}, embedding, method="codes")
+        np.testing.assert_allclose(jnp.linalg.norm(codes[:, :-1], axis=-1), 1.0, rtol=1e-6)
+        np.testing.assert_array_equal(codes[:, -1], 1.0)
 
 
 @pytest.mark.parametrize("head", ["film", "bilinear"])

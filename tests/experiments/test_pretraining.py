@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from envs.single_state import SingleStateConfig
-from experiments import pretrain, pretraining, run, run_folder, stored_params, training_run
+from experiments import methods, pretrain, pretraining, run, run_folder, stored_params, training_run
 from experiments.build import build
 from experiments.configs import CONFIGS, PRETRAINING, Config
 from experiments.errors import UserError
@@ -142,6 +142,14 @@ def test_the_matching_pretraining_has_the_same_encoder_and_propositions(name):
     assert (first.network.transformer, first.network.rgcn) == (later.network.transformer, later.network.rgcn)
     assert pretraining._propositions(first) == pretraining._propositions(later)
     assert pretraining.matching(dataclasses.replace(later, pretrained="auto:phi_zone")).task == "phi_zone"
+    assert pretraining.matching(dataclasses.replace(later, pretrained="auto:own", task="F Red")).task == "F Red"
+    assert not first.network.freeze_task_encoder  # whatever `later` does with what comes of it
+
+
+def test_a_frozen_encoder_has_to_be_pretrained():
+    with pytest.raises(ValueError, match="never learns anything"):
+        dataclasses.replace(CONFIGS["waterworld_dqn"][0], pretrained="")
+    assert methods.apply(CONFIGS["waterworld_dqn"][0], "rm").pretrained == ""  # one-hot codes have nothing to learn
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ SMALL_LEARNER = {
         *("--dqn.buffer-size", "512", "--dqn.learning-starts", "64", "--dqn.epsilon-start", "0.02"),
         *("--dqn.anneal-learning-rate", "False"),
         *("--network.state-layers", "16", "--network.task-layer", "16"),
+        *("--pretrained", "", "--network.freeze-task-encoder", "False"),
     ),
 }
 OTHER_TASK = {
