@@ -299,12 +299,16 @@ def make_dqn(
         memory = network.next_episode(without_oldest(steps), outcome.terminated | outcome.truncated)
         return replace(state, episodes=episodes, memory=memory, buffer=replay.add(state.buffer, stored)), outcome
 
-    def encode(state: DQNState, count: jax.Array) -> tuple[DQNState, jax.Array, Callable]:
+    def encode(state: DQNState, fixed: jax.Array | None, count: jax.Array) -> tuple[DQNState, jax.Array, Callable]:
         """The rows of the table, encoded once for acting, learning and the target's copy, which comes every so often.
 
-        Also returns the way back from a gradient of the embedding to one of the parameters.
+        `fixed` is what a frozen encoder makes of them, at every step alike; None for one that learns. Also returns the
+        way back from a gradient of the embedding to one of the parameters.
         """
-        embedding, pullback = jax.vjp(embed, state.params)
+        if fixed is None:
+            embedding, pullback = jax.vjp(embed, state.params)
+        else:
+            embedding, pullback = fixed, lambda _: (optax.tree.zeros_like(state.params),)
         target_params, target_embedding = optax.periodic_update(
             (state.params, embedding), (state.target_params, state.target_embedding), count, config.target_period
         )
@@ -335,12 +339,13 @@ def make_dqn(
     def iterate(state: DQNState) -> tuple[DQNState, Metrics]:
         key, scan_key = jax.random.split(state.key)
         first = state.iteration * config.steps_per_iteration
+        fixed = embed(state.params) if network_config.freeze_task_encoder else None
 
         def one_step(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
             step, key = inputs
             act_key, *update_keys = jax.random.split(key, 1 + config.updates_per_step)
             count = step * config.updates_per_step  # of gradient steps, from which the target's copies are timed
-            state, embedding, pullback = encode(state, count)
+            state, embedding, pullback = encode(state, fixed, count)
 
             # ACT
             state, outcome = interact(state, embedding, step, act_key)
@@ -349,7 +354,7 @@ def make_dqn(
             ready = (step + 1) * config.num_envs > config.learning_starts
             for i, update_key in enumerate(update_keys):
                 if i > 0:
-                    state, embedding, pullback = encode(state, count + i)
+                    state, embedding, pullback = encode(state, fixed, count + i)
                 state, scalars = update(state, embedding, pullback, ready, update_key)
             return state, (outcome.totals, outcome.task, outcome.score, scalars)
 

@@ -177,6 +177,19 @@ def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
 
 
 @pytest.mark.slow
+def test_a_frozen_encoder_stays_and_all_else_learns(env):
+    agent = make(env, dataclasses.replace(NETWORK, freeze_task_encoder=True), steps_per_iteration=20, learning_starts=8)
+    start = jax.jit(agent.init)(jax.random.key(0))
+    state, _ = jax.jit(agent.iterate)(start)
+    before, after = start.params["params"], state.params["params"]
+    chex.assert_trees_all_equal(after["task_encoder"], before["task_encoder"])
+    for part in set(before) - {"task_encoder"}:
+        leaves = zip(jax.tree.leaves(after[part]), jax.tree.leaves(before[part]), strict=True)
+        assert any((a != b).any() for a, b in leaves), part
+    chex.assert_trees_all_close(state.target_embedding, agent.embed(state.params), atol=1e-6)
+
+
+@pytest.mark.slow
 def test_replay_wraps_around_and_keeps_the_newest(env):
     agent = make(env, ONE_HOT, buffer_size=64, steps_per_iteration=20, learning_starts=10_000)
     state, _ = jax.jit(agent.iterate)(jax.jit(agent.init)(jax.random.key(0)))
