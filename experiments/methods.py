@@ -49,11 +49,14 @@ def apply(config: Config, name: str) -> Config:
     context = None
     if method.context and not isinstance(config.env, SingleStateConfig):
         context = config.network.context or ContextConfig(length=WINDOW["ppo" if config.dqn is None else "dqn"])
-    config = replace(
-        config,
-        pretrained="" if method.task_encoder == "one_hot" else config.pretrained,
-        network=replace(config.network, task_encoder=method.task_encoder, context=context),
+    learned = method.task_encoder != "one_hot"
+    network = replace(
+        config.network,
+        task_encoder=method.task_encoder,
+        freeze_task_encoder=config.network.freeze_task_encoder and learned,
+        context=context,
     )
+    config = replace(config, pretrained=config.pretrained if learned else "", network=network)
     if config.dqn is not None:
         return replace(config, dqn=replace(config.dqn, simultaneous=method.simultaneous))
     return replace(config, simultaneous=START_ANYWHERE if name == "rm" else 0.0)

@@ -8,7 +8,8 @@ from experiments.configs import CONFIGS
 from experiments.errors import UserError
 from t2tl_jax.networks.context import ContextConfig
 
-SWITCHES = ("network.task_encoder", "network.context", "pretrained", "simultaneous", "dqn.simultaneous")
+NETWORK = ("network.task_encoder", "network.freeze_task_encoder", "network.context")
+SWITCHES = (*NETWORK, "pretrained", "simultaneous", "dqn.simultaneous")
 
 
 @pytest.mark.parametrize("name", list(methods.METHODS))
@@ -22,7 +23,7 @@ def test_a_method_changes_its_switches_only(base, name):
     if after.dqn is not None:
         assert after.dqn.simultaneous == method.simultaneous
     if method.task_encoder == "one_hot":
-        assert after.pretrained == ""
+        assert after.pretrained == "" and not after.network.freeze_task_encoder
     else:
         assert after.pretrained == before.pretrained
 
