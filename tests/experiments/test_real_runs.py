@@ -37,7 +37,7 @@ SMALL_LEARNER = {
     ),
 }
 OTHER_TASK = {
-    "zone_ppo_closed_form": ("--task", "F(Red & F White)", "--physics", "mjx"),
+    "zone_ppo_closed_form": ("--task", "F(Red & F White)"),  # other physics in `test_runs.py`
     "waterworld_dqn": ("--task", "F(Yellow & F Purple)"),
 }
 
