@@ -183,7 +183,7 @@ def parse(
         if stop.code in (0, None):
             raise
         known = [*_options(kind if default is None else default), *others]
-        raise _misspelt(arguments, known, prog) or _plain(complaints.getvalue()) from None
+        raise _misspelt(arguments, known, prog) or _plain(complaints.getvalue(), kind.__name__) from None
     except ValueError as error:  # from the checks of the dataclasses
         raise UserError(str(error)) from error
 
@@ -211,8 +211,11 @@ def _misspelt(arguments: Sequence[str], known: Sequence[str], prog: str) -> User
     return UserError("\n".join([*lines, f"All options: {prog} --help"])) if lines else None
 
 
-def _plain(complaint: str) -> UserError:
-    """The error that tyro wrote, without its box; with the nearest value where one of a few was expected."""
+def _plain(complaint: str, root: str) -> UserError:
+    """The error that tyro wrote, without its box; with the nearest value where one of a few was expected.
+
+    Of the check of a dataclass only what that says, with the name of the part unless it is the `root`.
+    """
     text = re.sub(r"\x1b\[[0-9;]*m", "", complaint)
     lines = [line.strip("│ ") for line in text.splitlines() if not re.match("[╭╰]", line)]  # the top has a title
     lines = [line for line in lines if line.strip("─")]
@@ -221,4 +224,8 @@ def _plain(complaint: str) -> UserError:
     if choice:
         given, flag, known = choice.groups()
         return unknown(flag, given, re.findall(r"'([^']*)'", known))
+    check = re.fullmatch(r"Error parsing ([\w.]+): (.*?)( For full helptext.*)?", sentence)
+    if check:
+        part, said, _ = check.groups()
+        return UserError(said if part == root else f"{part}: {said}")
     return UserError("\n".join(lines))
