@@ -217,8 +217,10 @@ def _plain(complaint: str, root: str) -> UserError:
     Of the check of a dataclass only what that says, with the name of the part unless it is the `root`.
     """
     text = re.sub(r"\x1b\[[0-9;]*m", "", complaint)
-    lines = [line.strip("│ ") for line in text.splitlines() if not re.match("[╭╰]", line)]  # the top has a title
-    lines = [line for line in lines if line.strip("─")]
+    lines = [line.strip("│ ") for line in text.splitlines() if line.strip() and not re.match("[╭╰]", line)]
+    if len(lines) > 1 and set(lines[1]) == {"-"}:  # without Unicode the title stands above a rule
+        lines = lines[2:]
+    lines = [line for line in lines if line.strip("─-")]
     sentence = " ".join(lines)  # tyro breaks lines anywhere
     choice = re.search(r"invalid choice '([^']*)' for argument '([^']*)'. Expected one of \(('[^)]*)\)", sentence)
     if choice:
