@@ -16,6 +16,7 @@ from experiments.errors import UserError
 from experiments.run_folder import RunFolder
 from t2tl_jax.networks.task_encoders import TaskEncoderConfig
 from t2tl_jax.training import transfer
+from t2tl_jax.training.checkpoints import Checkpoints
 from t2tl_jax.training.seeds import parse_seeds
 
 AUTO = "auto"
@@ -52,7 +53,8 @@ def open_fitting(config: Config) -> tuple[RunFolder, Config]:
     """The pre-training run that `config.pretrained` names.
 
     Raises:
-        UserError: if it is no run, or its encoder cannot be that of `config`; all this before anything is traced.
+        UserError: if it is no run, has no checkpoint, or its encoder cannot be that of `config`; all this before
+            anything is traced or written.
     """
     folder, stored = run_folder.open_existing(Path(config.pretrained).expanduser())
     kind, wanted = stored.network.task_encoder, config.network.task_encoder
@@ -73,6 +75,12 @@ def open_fitting(config: Config) -> tuple[RunFolder, Config]:
             f"this environment has {', '.join(ours)}"
         )
     _seed_index(stored, config)
+    with Checkpoints(folder.checkpoints) as checkpoints:
+        if checkpoints.latest_iteration() is None:
+            raise UserError(
+                f"{folder.checkpoints} holds no complete checkpoint, so there is no encoder to start with; finish that "
+                f"run with --resume {folder.path}, or give --pretrained auto to pre-train now"
+            )
     return folder, stored
 
 

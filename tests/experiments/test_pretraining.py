@@ -111,6 +111,7 @@ def stored(tmp_path):
             {},
             "of kind gru, and this run has transformer; set",
         ),
+        ({}, {}, "holds no complete checkpoint"),
         ({}, {"network": NetworkConfig(transformer=TransformerConfig(layers=2))}, "network.transformer.layers=2"),
         ({"env": SingleStateConfig(("a", "b"))}, {}, "over a, b, in this order; this environment has Black, White"),
         ({"seeds": "2"}, {"seeds": "3"}, "holds seeds 0, 1 and not 2"),
