@@ -62,6 +62,7 @@ def test_start_of_a_run_with_pretrained_encoder(run, tmp_path, monkeypatch, caps
         assert config.seeds == "1,"  # of this seed only
         return {"w": jnp.ones((1, 2))}
 
+    monkeypatch.setattr(pretraining.Checkpoints, "latest_iteration", lambda checkpoints: 1)
     monkeypatch.setattr(pretraining, "load", load)
     origin, params = attention._start(folder, config, 1, fresh, build)
     assert origin == "pre-trained encoder"
