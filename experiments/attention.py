@@ -10,6 +10,7 @@ from typing import Any, Literal
 import tyro
 
 from experiments.errors import UserError, guarded
+from experiments.flags import parse
 from experiments.quiet import quiet_imports
 
 
@@ -44,9 +45,6 @@ def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | N
 
 
 def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
-    with quiet_imports():
-        from experiments.command_line import parse
-
     arguments = parse(Arguments, texts, prog="python -m experiments.attention", description=Arguments.__doc__)
     if arguments.episodes < 1:
         raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
@@ -60,14 +58,15 @@ def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
 
 
 def _read(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
-    import jax
+    with quiet_imports():
+        import jax
 
-    from experiments import compilation_cache, run_folder, stored_params
-    from experiments.build import build as default_build
-    from t2tl_jax.evaluation import attention as reading
-    from t2tl_jax.evaluation.attention_figure import plot_attention
-    from t2tl_jax.networks.task_encoders import TransformerTaskEncoder
-    from t2tl_jax.training.seeds import EVALUATION, TRAINING, parse_seeds, stream_keys
+        from experiments import compilation_cache, run_folder, stored_params
+        from experiments.build import build as default_build
+        from t2tl_jax.evaluation import attention as reading
+        from t2tl_jax.evaluation.attention_figure import plot_attention
+        from t2tl_jax.networks.task_encoders import TransformerTaskEncoder
+        from t2tl_jax.training.seeds import EVALUATION, TRAINING, parse_seeds, stream_keys
 
     folder, config = run_folder.open_existing(arguments.run)
     if config.network.task_encoder != "transformer":

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from experiments.errors import UserError, guarded
+from experiments.flags import parse
 
 Head = Literal["film", "bilinear"]
 HEADS: tuple[Head, ...] = ("film", "bilinear")
@@ -37,13 +38,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _main(texts: list[str]) -> int:
     import itertools
 
-    import jax
-
-    from experiments.command_line import parse
-
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmark_dqn", description=Arguments.__doc__)
     if min(arguments.num_envs, arguments.batch_size, arguments.steps, arguments.repeats) < 1:
         raise UserError("all numbers must be at least 1")
+    import jax
+
     print(f"{jax.devices()[0].device_kind}, jax {jax.__version__}, {arguments.num_envs} environments, batch", end=" ")
     print(f"{arguments.batch_size}; microseconds per training step, median (minimum, maximum)")
     print(f"{'task':22} {'rows':>4} {'head':9} {'one row':>22} {'every row':>22} {'ratio':>6} {'compile':>8}")

@@ -12,6 +12,7 @@ import numpy as np
 import tyro
 
 from experiments.errors import UserError, guarded
+from experiments.flags import parse
 from experiments.quiet import quiet_imports
 
 SOLVED = 0.95
@@ -87,17 +88,15 @@ def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
 
 
 def _main(texts: list[str]) -> int:
-    with quiet_imports():
-        from experiments.command_line import parse
-
     arguments = parse(Arguments, texts, prog="python -m experiments.compare", description=Arguments.__doc__)
     if not arguments.runs:
         raise UserError("name one run or more, such as runs/zone_ppo/2026-01-31_12-00-00")
     if not 0 < arguments.last <= 1:
         raise UserError(f"--last is a share of the iterations above 0 and at most 1, got {arguments.last}")
-    from experiments import run_folder
-    from t2tl_jax.evaluation import statistics
-    from t2tl_jax.training.metrics_file import MetricsFileError
+    with quiet_imports():
+        from experiments import run_folder
+        from t2tl_jax.evaluation import statistics
+        from t2tl_jax.training.metrics_file import MetricsFileError
 
     base = None
     returns_of: dict[str, np.ndarray] = {}

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import tyro
 
 from experiments.errors import UserError, guarded
+from experiments.flags import parse
 from experiments.quiet import quiet_imports
 
 
@@ -44,13 +45,10 @@ def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | N
 
 
 def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
-    with quiet_imports():
-        from experiments.command_line import parse
-
     arguments = parse(Arguments, texts, prog="python -m experiments.evaluate", description=Arguments.__doc__)
     if arguments.episodes < 1:
         raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
-    # Imported late: loading JAX takes seconds, which --help and mistakes need not wait for.
+    # Imported late: loading JAX and MuJoCo takes seconds, which --help and mistakes need not wait for.
     from t2tl_jax.training.interrupts import Interrupted, StopRequest
 
     with StopRequest(notice="stopping; nothing is stored") as stop:
@@ -62,10 +60,11 @@ def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
 
 
 def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
-    from experiments import compilation_cache, evaluation_run, run_folder, stored_params
-    from experiments.build import build as default_build
-    from t2tl_jax.evaluation.report import table
-    from t2tl_jax.training.seeds import parse_seeds, place, seed_sharding
+    with quiet_imports():
+        from experiments import compilation_cache, evaluation_run, run_folder, stored_params
+        from experiments.build import build as default_build
+        from t2tl_jax.evaluation.report import table
+        from t2tl_jax.training.seeds import parse_seeds, place, seed_sharding
 
     folder, stored = run_folder.open_existing(arguments.run)
     compilation_cache.use(stored.run.compilation_cache)

@@ -8,6 +8,7 @@ from pathlib import Path
 import tyro
 
 from experiments.errors import UserError, guarded
+from experiments.flags import parse
 from experiments.quiet import quiet_imports
 
 
@@ -29,14 +30,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: list[str]) -> int:
-    with quiet_imports():
-        from experiments.command_line import parse
-
     arguments = parse(Arguments, texts, prog="python -m experiments.plot", description=Arguments.__doc__)
-    from experiments import run_folder
-    from experiments.published_curves import ZONE_CURVES
-    from t2tl_jax.evaluation.curves import plot_learning_curves
-    from t2tl_jax.training.metrics_file import MetricsFileError
+    with quiet_imports():
+        from experiments import run_folder
+        from experiments.published_curves import ZONE_CURVES
+        from t2tl_jax.evaluation.curves import plot_learning_curves
+        from t2tl_jax.training.metrics_file import MetricsFileError
 
     folder, config = run_folder.open_existing(arguments.run)
     target = arguments.output or folder.curves

@@ -31,15 +31,13 @@ def command(
     """
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
-        from experiments import command_line, compilation_cache, methods, training_run
-        from experiments.build import build as default_build
+        from experiments import command_line, compilation_cache, methods
         from experiments.configs import CONFIGS
 
     request = command_line.read_request(arguments, prefix)
     if request.show_list:
         print(command_line.list_configs(prefix))
         return 0
-    chosen_build = build or default_build
     words = ["python", "-m", module, *arguments]
     prog = f"python -m {module}"
     if request.resume is not None and not {"-h", "--help"} & set(request.rest):
@@ -49,14 +47,25 @@ def command(
             compilation_cache.use(config.run.compilation_cache)
             return config
 
-        return training_run.resume(request.resume, amend, chosen_build, words)
+        from experiments import training_run
+
+        return training_run.resume(request.resume, amend, build or _default_build(), words)
     name = prefix + request.config if request.config else command_line.default(prefix)
     config = CONFIGS[name][0]
     if request.method is not None:
         config, name = methods.apply(config, request.method), f"{name}_{request.method}"
     config = command_line.override(config, request.rest, prog)
     compilation_cache.use(config.run.compilation_cache)
-    return training_run.start(config, name, chosen_build, words)
+    # Only now: plots, statistics and checkpoints take seconds to load too, which --help and mistakes need not wait for.
+    from experiments import training_run
+
+    return training_run.start(config, name, build or _default_build(), words)
+
+
+def _default_build() -> Callable[[Any], Any]:
+    from experiments.build import build
+
+    return build
 
 
 if __name__ == "__main__":

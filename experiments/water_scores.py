@@ -14,6 +14,8 @@ import tyro
 
 from experiments import published_water
 from experiments.errors import UserError, guarded
+from experiments.flags import parse
+from experiments.quiet import quiet_imports
 from t2tl_jax.evaluation.scores import best_scores, normalised_scores, return_by_episode
 
 
@@ -31,13 +33,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: list[str]) -> int:
-    from experiments import run_folder
-    from experiments.command_line import parse
-    from t2tl_jax.training.metrics_file import MetricsFileError, read_columns
-
     arguments = parse(Arguments, texts, prog="python -m experiments.water_scores", description=Arguments.__doc__)
     if not arguments.runs:
         raise UserError("name at least one run folder")
+    with quiet_imports():
+        from experiments import run_folder
+        from t2tl_jax.training.metrics_file import MetricsFileError, read_columns
+
     tables = {}
     for path in arguments.runs:
         folder, _ = run_folder.open_existing(path)
