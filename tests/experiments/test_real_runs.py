@@ -111,10 +111,13 @@ def bits(state):
     return jax.tree.map(plain, state)
 
 
-@pytest.mark.parametrize("name", ["zone_ppo_closed_form", "waterworld_dqn"])
-def test_a_checkpoint_holds_everything(name, tmp_path):
-    """Also the replay buffer, which the second iteration of DQN wraps around, and the schedules."""
-    program = trace(build(reduced(name)).agent, (0, 1))
+@pytest.mark.parametrize(("name", "method"), [("zone_ppo_closed_form", "dfa"), ("waterworld_dqn", "rm")])
+def test_a_checkpoint_holds_everything(name, method, tmp_path):
+    """Also the replay buffer, which the second iteration of DQN wraps around, the exploration noise and the schedules.
+
+    Of windows see `tests/agents/test_ppo_context.py`.
+    """
+    program = trace(build(reduced(name, method)).agent, (0, 1))
     iterate = program.lowered_iterate.compile()
     state, _ = iterate(program.lowered_init.compile()(program.keys))
     with Checkpoints(tmp_path) as checkpoints:
@@ -129,15 +132,15 @@ def test_a_checkpoint_holds_everything(name, tmp_path):
 
 @pytest.mark.parametrize("name", SMALL_LEARNER)
 def test_train_resume_evaluate_draw(name, tmp_path):
-    def train(folder: str, frames: str):
+    def train(folder: str, frames: str, episodes: str, gif: str):
         flags = ["--config", name, "--run.folder", str(tmp_path / folder), "--frames", frames, *SMALL]
-        flags += [*SMALL_LEARNER[name], "--seeds", "2", "--run.evaluation-episodes", "4"]
+        flags += [*SMALL_LEARNER[name], "--seeds", "2", "--run.evaluation-episodes", episodes, "--run.gif", gif]
         assert run.main([*flags, "--run.compilation-cache", str(tmp_path / "xla")]) == 0
         (made,) = (tmp_path / folder / name).iterdir()
         return made
 
-    long, short = train("long", "1536"), train("short", "768")
-    assert (short / "episode.gif").exists()
+    long, short = train("long", "1536", "4", "True"), train("short", "768", "0", "False")
+    assert (long / "episode.gif").exists() and not (short / "episode.gif").exists()
     assert run.main(["--resume", str(short), "--frames", "1536"]) == 0
     assert (long / "metrics.csv").read_bytes() == (short / "metrics.csv").read_bytes()
     assert (long / "evaluation.json").read_text() != ""

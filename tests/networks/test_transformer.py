@@ -1,5 +1,6 @@
 """The Transformer: published size, what masking and positions promise, attention on request."""
 
+from dataclasses import replace
 from functools import cache, partial
 
 import chex
@@ -16,6 +17,8 @@ from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig, s
 PUBLISHED = TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True)
 PROPOSITIONS = ("Black", "White", "Red", "Yellow")
 PHI_ZONE = "F(Red & F(Black & F Yellow))"
+# Two layers compile in half the time of the default's, and promise the same.
+CORRECTED, AS_PUBLISHED = TransformerConfig(layers=2), replace(PUBLISHED, layers=2)
 
 
 def count(params) -> int:
@@ -48,22 +51,20 @@ def test_published_t1tl_has_243_925_parameters():
 @pytest.mark.slow
 def test_masked_encoding_does_not_depend_on_padding():
     tokens = [[5, 3, 12, 5, 10], [5, 10]]
-    np.testing.assert_allclose(
-        encode(TransformerConfig(), tokens, 5), encode(TransformerConfig(), tokens, 40), atol=1e-5
-    )
+    np.testing.assert_allclose(encode(CORRECTED, tokens, 5), encode(CORRECTED, tokens, 40), atol=1e-5)
 
 
 @pytest.mark.slow
 def test_published_encoding_depends_on_padding():
     tokens = [[5, 3, 12, 5, 10]]
-    assert np.abs(encode(PUBLISHED, tokens, 5) - encode(PUBLISHED, tokens, 25)).max() > 1e-3
+    assert np.abs(encode(AS_PUBLISHED, tokens, 5) - encode(AS_PUBLISHED, tokens, 25)).max() > 1e-3
 
 
 @pytest.mark.slow
 def test_positions_tell_the_order_of_tokens_and_the_published_code_does_not():
     swapped = [[5, 3, 12, 5, 10], [5, 3, 10, 5, 12]]
-    with_positions = encode(TransformerConfig(), swapped, 5)
-    without = encode(PUBLISHED, swapped, 5)
+    with_positions = encode(CORRECTED, swapped, 5)
+    without = encode(AS_PUBLISHED, swapped, 5)
     assert np.abs(with_positions[0] - with_positions[1]).max() > 1e-2
     np.testing.assert_allclose(without[0], without[1], atol=1e-5)
 
@@ -77,7 +78,7 @@ def test_sinusoidal_positions_follow_the_formula():
 @pytest.mark.slow
 @pytest.mark.parametrize("norm", ["pre", "post"])
 def test_output_is_bounded_and_differentiable(norm):
-    config = TransformerConfig(norm=norm)
+    config = replace(CORRECTED, norm=norm)
     table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one")
     encoder = TransformerTaskEncoder(config)
     params = jax.jit(encoder.init)(jax.random.key(1), table)
@@ -93,7 +94,7 @@ def test_output_is_bounded_and_differentiable(norm):
 
 def test_attention_weights_are_distributions_over_real_tokens():
     table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one", length=12)
-    encoder = TransformerTaskEncoder(TransformerConfig(layers=2))
+    encoder = TransformerTaskEncoder(CORRECTED)
     params = encoder.init(jax.random.key(0), table)["params"]
     weights = attention_weights(encoder, params, table)
     assert weights.shape == (2, table.num_rows, 8, 12, 12)
