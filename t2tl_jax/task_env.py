@@ -22,6 +22,15 @@ class TaskState:
     row: jax.Array  # int32 scalar, row of the task table
 
 
+@struct.dataclass
+class Shared:
+    """What a step led to whatever the task is: with the table it is a transition of every row."""
+
+    letter: jax.Array  # int32, the labels of s'
+    reward: jax.Array  # float32, the environment's own
+    ended: jax.Array  # bool, the environment ended the episode
+
+
 class TaskEnv(Env):
     """An environment that rewards the agent for satisfying a formula (brax interface, unbatched, no time limit).
 
@@ -73,18 +82,21 @@ class TaskEnv(Env):
 
     def step(self, state: State, action: jax.Array) -> State:
         """Act, label, progress, reward (equation 2 of the paper, with the labels of s')."""
+        return self.step_for_all(state, action)[0]
+
+    def step_for_all(self, state: State, action: jax.Array) -> tuple[State, Shared]:
+        """As `step`, with what the step would have been to an agent with another task."""
         env_state = self.env.step(state.replace(pipeline_state=state.pipeline_state.env), action)
-        letter = self.table.letter(self.env.labels(env_state))
-        row, reward = self.table.step(state.pipeline_state.row, letter)
-        return env_state.replace(
+        shared = Shared(
+            letter=self.table.letter(self.env.labels(env_state)), reward=env_state.reward, ended=env_state.done > 0
+        )
+        row, reward = self.table.step(state.pipeline_state.row, shared.letter)
+        after = env_state.replace(
             pipeline_state=TaskState(env=env_state.pipeline_state, row=row),
             reward=env_state.reward + reward,
             done=jnp.maximum(env_state.done, jnp.abs(self.table.verdict[row]).astype(jnp.float32)),
         )
-
-    def letter(self, state: State) -> jax.Array:
-        """The letter of the task table that the labels of `state` make: int32 scalar."""
-        return self.table.letter(self.env.labels(state.replace(pipeline_state=state.pipeline_state.env)))
+        return after, shared
 
     def row(self, state: State) -> jax.Array:
         """The table row of the formula that is left: int32 scalar."""

@@ -1,8 +1,9 @@
 """Double DQN that can learn every sub-task from every step.
 
 A stored transition is (s, a, s', letter). The letter says where each formula of the table goes, so one transition is a
-transition of every row (equation 3 of the paper; with one-hot rows it is CRM of the reward-machine paper). Read
-`make_dqn` from top to bottom: act, store, sample, update.
+transition of every row (equation 3 of the paper; with one-hot rows it is CRM of the reward-machine paper). What the
+environment pays by itself is paid to every row, and an end that it makes is the end of all. Read `make_dqn` from top to
+bottom: act, store, sample, update.
 """
 
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from t2tl_jax.agent import Agent, Metrics, Params, repeated
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Memory, without_newest, without_oldest
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
-from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.task_env import Shared, TaskEnv
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.episodes import Episode, Outcome, advance, begin, by_task
 from t2tl_jax.training.optimizer import clipped_adam
@@ -96,7 +97,7 @@ class Transition:
     action: jax.Array  # int32
     next_obs: jax.Array  # float32[O], of s' before any reset
     row: jax.Array  # int32
-    letter: jax.Array  # int32, the labels of s'
+    shared: Shared  # the letter of s', and what the environment itself paid and ended
     cut: jax.Array  # bool, ended by the time limit
     steps: Memory = ()  # with context: the window that the policy acted on and, in one slot more, this step
 
@@ -131,32 +132,33 @@ def bellman(
     reward: jax.Array,
     chooser: jax.Array,
     target: jax.Array,
+    shared: Shared,
     cut: jax.Array,
 ) -> jax.Array:
     """Regression targets, float32[B, R], for R rows of every transition.
 
     next_row, reward: where each row's formula goes and what that pays, [B, R]; chooser, target: Q at s' that choose the
-    action and value it, float32[B, R, actions]; cut: bool[B].
+    action and value it, float32[B, R, actions]; shared [B]; cut: bool[B].
     """
     value = jnp.take_along_axis(target, chooser.argmax(axis=-1, keepdims=True), axis=-1)[..., 0]
-    ended = table.verdict[next_row] != 0
+    ended = (table.verdict[next_row] != 0) | shared.ended[:, None]
     if config.timeout_is_terminal:
         ended = ended | cut[:, None]
-    return reward + config.discount * jnp.where(ended, 0.0, value)
+    return shared.reward[:, None] + reward + config.discount * jnp.where(ended, 0.0, value)
 
 
 def targets(
-    config: DQNConfig, table: TaskTable, online: jax.Array, target: jax.Array, letter: jax.Array, cut: jax.Array
+    config: DQNConfig, table: TaskTable, online: jax.Array, target: jax.Array, shared: Shared, cut: jax.Array
 ) -> jax.Array:
     """Regression targets of every row for every transition, float32[B, rows].
 
-    online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; letter int32[B]; cut bool[B].
+    online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; shared [B]; cut bool[B].
     """
-    next_row, reward = (x.T for x in table.step_all(letter))  # [B, rows]
+    next_row, reward = (x.T for x in table.step_all(shared.letter))  # [B, rows]
     at_next = partial(jnp.take_along_axis, indices=next_row[..., None], axis=1)  # [B, rows, A], row u reads row u'
     chooser = online if config.double else target
     chooser = chooser if config.printed_argmax else at_next(chooser)
-    return bellman(config, table, next_row, reward, chooser, at_next(target), cut)
+    return bellman(config, table, next_row, reward, chooser, at_next(target), shared, cut)
 
 
 def dqn_loss(
@@ -181,10 +183,10 @@ def dqn_loss(
         both = apply(params, states, embedding, windows, method="every_row")
         q, online = jnp.split(both, 2)  # [B, rows, A]
         target = apply(target_params, batch.next_obs, target_embedding, after, method="every_row")
-        goal = targets(config, table, online, target, batch.letter, batch.cut)
+        goal = targets(config, table, online, target, batch.shared, batch.cut)
         learns = jnp.broadcast_to(table.is_open, goal.shape)
     else:
-        next_row, reward = table.step(batch.row, batch.letter)  # [B]
+        next_row, reward = table.step(batch.row, batch.shared.letter)  # [B]
         q = apply(params, batch.obs, embedding, batch.row, before)[:, None]  # [B, 1, A]
         target = apply(target_params, batch.next_obs, target_embedding, next_row, after)[:, None]
         if config.double or config.printed_argmax:
@@ -193,7 +195,7 @@ def dqn_loss(
             chooser = apply(which, batch.next_obs, coded, row, after)[:, None]
         else:
             chooser = target
-        goal = bellman(config, table, next_row[:, None], reward[:, None], chooser, target, batch.cut)
+        goal = bellman(config, table, next_row[:, None], reward[:, None], chooser, target, batch.shared, batch.cut)
         learns = jnp.ones_like(goal, bool)
 
     taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows] or [B, 1]
@@ -270,7 +272,8 @@ def make_dqn(
         params = network.init(params_key, table, episodes.state.obs, memory, method="initialise")
         obs = episodes.state.obs[0]
         steps = apply(params, begin_memory(), obs, jnp.int32(0), jnp.float32(0), method="extend")
-        blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), jnp.int32(0), jnp.bool_(False), steps)
+        nothing = Shared(letter=jnp.int32(0), reward=jnp.float32(0), ended=jnp.bool_(False))
+        blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), nothing, jnp.bool_(False), steps)
         return DQNState(
             params=params,
             target_params=params,
@@ -295,7 +298,7 @@ def make_dqn(
             env, state.episodes, action, jax.random.split(reset_key, config.num_envs), episode_length, config.discount
         )
         steps = apply(state.params, state.memory, obs, action, outcome.reward, method="extend")
-        stored = Transition(obs, action, outcome.next_obs, row, outcome.letter, outcome.truncated, steps)
+        stored = Transition(obs, action, outcome.next_obs, row, outcome.shared, outcome.truncated, steps)
         memory = network.next_episode(without_oldest(steps), outcome.terminated | outcome.truncated)
         return replace(state, episodes=episodes, memory=memory, buffer=replay.add(state.buffer, stored)), outcome
 

@@ -8,7 +8,7 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax.agent import EpisodeTotals
-from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.task_env import Shared, TaskEnv
 
 
 @struct.dataclass
@@ -29,9 +29,9 @@ class Outcome:
 
     next_obs: jax.Array  # float32[O]
     next_row: jax.Array  # int32
-    letter: jax.Array  # int32, the labels of s', from which any other row of the table can be progressed
+    shared: Shared  # what every other row of the table can be progressed and paid by
     reward: jax.Array  # float32
-    terminated: jax.Array  # bool, a verdict was reached (or the physics failed)
+    terminated: jax.Array  # bool, a verdict was reached, or the environment ended the episode (its physics failed)
     truncated: jax.Array  # bool, cut by the time limit without a verdict
     task: jax.Array  # int32, of the episode
     score: jax.Array  # float32, return per step of the episode that just ended, else 0
@@ -56,7 +56,7 @@ def advance(
     env: TaskEnv, episode: Episode, action: jax.Array, key: jax.Array, limit: int, discount: float
 ) -> tuple[Episode, Outcome]:
     """One step; a finished episode is replaced by a new one of `limit` steps. Unbatched: vmap it."""
-    state = env.step(episode.state, action)
+    state, shared = env.step_for_all(episode.state, action)
     elapsed = episode.elapsed + 1
     total = episode.total + state.reward
     terminated = state.done > 0
@@ -79,7 +79,7 @@ def advance(
     outcome = Outcome(
         next_obs=state.obs,
         next_row=env.row(state),
-        letter=env.letter(state),
+        shared=shared,
         reward=state.reward,
         terminated=terminated,
         truncated=truncated,

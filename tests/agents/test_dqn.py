@@ -13,7 +13,7 @@ from t2tl_jax.agents.dqn import DQNConfig, Transition, dqn_loss, epsilon, make_d
 from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines, progress
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoders import embedding_size
-from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.task_env import Shared, TaskEnv
 from tests.agents.sizes import TRANSFORMER
 from tests.probe import DiscreteProbeEnv
 
@@ -52,7 +52,10 @@ def make(env, network=NETWORK, iterations=20, **changes):
 @pytest.mark.parametrize("printed_argmax", [True, False])
 @pytest.mark.parametrize("timeout_is_terminal", [True, False])
 def test_counterfactual_targets_equal_a_slow_loop_over_formulas(env, double, printed_argmax, timeout_is_terminal):
-    """Each row's formula is progressed symbolically by each transition's labels, and looked up among the rows."""
+    """Each row's formula is progressed symbolically by each transition's labels, and looked up among the rows.
+
+    What the environment itself pays is paid to all of them, and where it ends the episode nothing follows.
+    """
     table = env.table
     config = dataclasses.replace(
         DQN, double=double, printed_argmax=printed_argmax, timeout_is_terminal=timeout_is_terminal
@@ -63,8 +66,9 @@ def test_counterfactual_targets_equal_a_slow_loop_over_formulas(env, double, pri
     labels = [(), ("Up",), ("Down",)]
     drawn = rng.integers(0, 3, size)
     letter = np.array([int(table.letter(jnp.array([p in labels[k] for p in table.propositions]))) for k in drawn])
-    cut = rng.random(size) < 0.3
-    fast = targets(config, table, online, target, letter, cut)
+    cut, over = rng.random(size) < 0.3, rng.random(size) < 0.3
+    paid = rng.normal(size=size).astype(np.float32)
+    fast = targets(config, table, online, target, Shared(letter, paid, over), cut)
 
     row_of = {table.formula(row): row for row in range(rows)}
     for b in range(size):
@@ -73,8 +77,8 @@ def test_counterfactual_targets_equal_a_slow_loop_over_formulas(env, double, pri
             verdict = int(table.verdict[after])
             chooser = online if double else target
             action = chooser[b, row if printed_argmax else after].argmax()
-            ended = verdict != 0 or (timeout_is_terminal and cut[b])
-            expected = verdict + (0.0 if ended else DQN.discount * target[b, after, action])
+            ended = verdict != 0 or over[b] or (timeout_is_terminal and cut[b])
+            expected = paid[b] + verdict + (0.0 if ended else DQN.discount * target[b, after, action])
             assert fast[b, row] == pytest.approx(expected, abs=1e-5), (b, row)
 
 
@@ -88,14 +92,18 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
         action=jax.random.randint(keys[1], (size,), 0, 3),
         next_obs=jax.random.normal(keys[2], (size, 3)),
         row=jnp.full(size, 3),
-        letter=jax.random.randint(keys[3], (size,), 0, table.next_row.shape[1]),
+        shared=Shared(
+            letter=jax.random.randint(keys[3], (size,), 0, table.next_row.shape[1]),
+            reward=jnp.linspace(-0.1, 0.1, size),
+            ended=jnp.arange(size) % 5 == 0,
+        ),
         cut=jnp.arange(size) % 3 == 0,
     )
     params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(1), table, batch.obs)
     embedding = network.apply(params, table, method="embed")
     q = network.apply(params, batch.obs, embedding, method="every_row")
     after = network.apply(params, batch.next_obs, embedding, method="every_row")
-    goal = targets(DQN, table, after, after, batch.letter, batch.cut)
+    goal = targets(DQN, table, after, after, batch.shared, batch.cut)
     error = np.abs(np.asarray(q[np.arange(size), :, batch.action] - goal))
     huber = np.where(error < 1, 0.5 * error**2, error - 0.5)
 
@@ -107,7 +115,7 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
     assert loss(False) == pytest.approx(huber[:, 3].mean(), rel=1e-4)
     for switches in ({"printed_argmax": True}, {"double": False}, {"timeout_is_terminal": True}):
         config = dataclasses.replace(DQN, **switches)
-        goal = targets(config, table, after, after, batch.letter, batch.cut)[:, 3]
+        goal = targets(config, table, after, after, batch.shared, batch.cut)[:, 3]
         error = np.abs(np.asarray(q[np.arange(size), 3, batch.action] - goal))
         expected = np.where(error < 1, 0.5 * error**2, error - 0.5).mean()
         assert loss(False, **switches) == pytest.approx(expected, rel=1e-4), switches
@@ -196,7 +204,7 @@ def test_replay_wraps_around_and_keeps_the_newest(env):
     assert state.buffer.is_full and state.buffer.current_index == (20 * 8) % 64
     stored = state.buffer.experience
     assert stored.obs.shape == (1, 64, 3)
-    labels_match = np.asarray(stored.letter[0]) == np.array([0, 1, 2])[np.asarray(stored.action[0])]
+    labels_match = np.asarray(stored.shared.letter[0]) == np.array([0, 1, 2])[np.asarray(stored.action[0])]
     assert labels_match.all()  # every slot holds one consistent transition: action k makes letter k
 
 
@@ -229,7 +237,8 @@ def test_reward_machine_targets_pay_by_transition():
     labels = [set(), {"d"}, {"e"}, {"f"}, {"a"}, {"d", "e"}]
     letter = np.array([int(table.letter(jnp.array([p in label for p in propositions]))) for label in labels])
     online, target = rng.normal(size=(2, len(labels), table.num_rows, 5)).astype(np.float32)
-    fast = targets(DQN, table, online, target, letter, np.zeros(len(labels), bool))
+    nothing = np.zeros(len(labels), np.float32)
+    fast = targets(DQN, table, online, target, Shared(letter, nothing, nothing > 0), nothing > 0)
     machine = machines[0]
     row_of = {state: 2 + k for k, state in enumerate(machine.states)}
     for b, label in enumerate(labels):

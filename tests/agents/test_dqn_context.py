@@ -89,7 +89,7 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
 
     q = values(params, stored.obs, before)
     online, target = values(params, stored.next_obs, after), values(target_params, stored.next_obs, after)
-    goal = targets(DQN, table, online, target, stored.letter, stored.cut)
+    goal = targets(DQN, table, online, target, stored.shared, stored.cut)
     error = np.abs(np.asarray(q[np.arange(100), :, stored.action] - goal))
     huber = np.where(error < 1, 0.5 * error**2, error - 0.5)
     assert np.abs(values(params, stored.obs, after) - q).max() > 1e-2  # another window is another value

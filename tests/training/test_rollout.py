@@ -76,6 +76,25 @@ def test_time_limit_truncates_and_keeps_the_last_row(env):
     assert env.row(episode.state) == env.table.initial_row[0]
 
 
+def test_what_the_environment_pays_and_ends_is_kept_apart_from_the_task():
+    """So that a learner can pay it to every row, and end every row with it."""
+
+    class Fragile(ProbeEnv):
+        """Every step costs 0.25, and an action above 2 breaks it."""
+
+        def step(self, state, action):
+            return super().step(state, action).replace(reward=jnp.float32(-0.25), done=(action[0] > 2.0) * 1.0)
+
+    probe = Fragile()
+    env = TaskEnv(probe, compile_tasks(["F(Up & F Down)"], probe.propositions, probe.alphabet))
+    _, outcomes = play(env, [1.0, -1.0, 3.0], limit=10)
+    assert [float(o.reward) for o in outcomes] == [-0.25, 0.75, -0.25]
+    assert [float(o.shared.reward) for o in outcomes] == [-0.25] * 3
+    assert [bool(o.shared.ended) for o in outcomes] == [False, False, True]
+    assert [bool(o.terminated) for o in outcomes] == [False, True, True]
+    assert outcomes[2].totals.episodes == 1 and outcomes[2].totals.timeouts == outcomes[2].totals.violations == 0
+
+
 def test_verdict_on_the_last_step_is_a_termination(env):
     _, outcomes = play(env, [1.0, -1.0], limit=2)
     assert outcomes[-1].terminated and not outcomes[-1].truncated
