@@ -35,7 +35,7 @@ class Arguments:
 
 @dataclass(frozen=True)
 class Ending:
-    """The last iterations of one run, one entry per seed."""
+    """The last iterations of one run, one entry per seed; NaN for a seed of which no episode ended in them."""
 
     success: np.ndarray
     """``float64[seeds]``, over the episodes that finished."""
@@ -62,9 +62,12 @@ def ending(metrics: Path, last: float) -> Ending:
     _, frames, episodes = by_seed(columns, "episodes")
     tail = slice(-max(1, round(last * len(frames))), None)
 
+    # A seed may lack the last rows: those of an iteration are written seed by seed.
+    ended = np.nansum(episodes[:, tail], axis=1)
+
     def average(name: str) -> np.ndarray:
         weighted = np.nansum((by_seed(columns, name)[2] * episodes)[:, tail], axis=1)
-        return weighted / np.maximum(episodes[:, tail].sum(axis=1), 1)
+        return np.where(ended > 0, weighted / np.maximum(ended, 1), np.nan)
 
     return Ending(average("success_rate"), average("discounted_return"), average("length"))
 
@@ -93,55 +96,89 @@ def _main(texts: list[str]) -> int:
         raise UserError("name one run or more, such as runs/zone_ppo/2026-01-31_12-00-00")
     if not 0 < arguments.last <= 1:
         raise UserError(f"--last is a share of the iterations above 0 and at most 1, got {arguments.last}")
+    runs = _each_once(arguments.runs)
+    if arguments.pairs and len(runs) < 2:
+        raise UserError("--pairs tests two runs or more against each other; name another run")
     with quiet_imports():
         from experiments import run_folder
-        from t2tl_jax.evaluation import statistics
         from t2tl_jax.training.metrics_file import MetricsFileError
 
     base = None
     returns_of: dict[str, np.ndarray] = {}
+    notes = []
     print(f"{'frames/s':>11}  {'solved':>7}  {'discounted return':21}  configuration")
-    for path in arguments.runs:
+    for path in runs:
         folder, config = run_folder.open_existing(path)
         base = base or config
         try:
             end = ending(folder.metrics, arguments.last)
         except MetricsFileError as error:
             raise UserError(str(error)) from error
-        speed = run_folder.read_json(folder.status).get("last_session", {}).get("frames_per_second_all_seeds", 0)
-        solved = f"{int((end.success > SOLVED).sum())}/{len(end.success)}"
-        returns = statistics.mean(end.discounted_return).text()
+        session = run_folder.read_json(folder.status).get("last_session", {})
         what = " ".join(differences(base, config)) or str(path)
-        returns_of[str(path)] = end.discounted_return
-        print(f"{speed:>11,.0f}  {solved:>7}  {returns:21}  {what}")
+        print(_line(session.get("frames_per_second_all_seeds"), end, what))
+        known = np.isfinite(end.discounted_return)
+        returns_of[str(path)] = end.discounted_return[known]
+        if not known.all():
+            notes.append(
+                f"{path}: left out {(~known).sum()} of {known.size} seeds, of which no episode ended in that part"
+            )
     print(
         f"Averages over the last {arguments.last:.0%} of training, sampled policy; brackets: 95 % intervals over seeds."
     )
+    for note in notes:
+        print(f"note: {note}")
     if arguments.pairs:
-        print("\ndifference of mean returns, 95 % bootstrap interval, p of a permutation test (two-sided, uncorrected)")
-        for (first, a), (second, b) in itertools.combinations(returns_of.items(), 2):
-            try:
-                gap, p = statistics.difference(a, b)
-            except ValueError as error:
-                raise UserError(str(error)) from error
-            print(f"{gap.text():26}  p={p:.4f}  {first} - {second}")
+        _test_pairs(returns_of)
     if arguments.figure is not None:
-        _draw(arguments, base)
+        _draw(runs, arguments.figure, base)
     return 0
 
 
-def _draw(arguments: Arguments, base: Any) -> None:
+def _each_once(paths: Sequence[Path]) -> list[Path]:
+    """The runs in their order; a test of a run against itself would mean nothing."""
+    kept: dict[Path, Path] = {}
+    for path in paths:
+        if path.resolve() in kept:
+            print(f"note: {path} is given more than once and counts once")
+        else:
+            kept[path.resolve()] = path
+    return list(kept.values())
+
+
+def _line(speed: float | None, end: Ending, what: str) -> str:
+    """The line of one run, with dashes for what is not known."""
+    from t2tl_jax.evaluation import statistics
+
+    known = np.isfinite(end.discounted_return)
+    solved = f"{int((end.success[known] > SOLVED).sum())}/{known.sum()}" if known.any() else "-"
+    returns = statistics.mean(end.discounted_return[known]).text()
+    return f"{'-' if not speed else f'{speed:,.0f}':>11}  {solved:>7}  {returns:21}  {what}"
+
+
+def _test_pairs(returns_of: dict[str, np.ndarray]) -> None:
+    from t2tl_jax.evaluation import statistics
+
+    print("\ndifference of mean returns, 95 % bootstrap interval, p of a permutation test (two-sided, uncorrected)")
+    for (first, a), (second, b) in itertools.combinations(returns_of.items(), 2):
+        try:
+            gap, p = statistics.difference(a, b)
+            print(f"{gap.text():26}  p={p:.4f}  {first} - {second}")
+        except ValueError as error:  # too few seeds; other pairs may have enough
+            print(f"{'-':26}  p=-       {first} - {second}: {error}")
+
+
+def _draw(runs: Sequence[Path], figure: Path, base: Any) -> None:
     from experiments.published_curves import ZONE_CURVES
     from experiments.run_folder import RunFolder
     from t2tl_jax.evaluation.curves import plot_runs
 
-    assert arguments.figure is not None  # the caller's condition
-    names = {str(path): RunFolder(path).metrics for path in arguments.runs}
+    names = {str(path): RunFolder(path).metrics for path in runs}
     try:
-        plot_runs(names, arguments.figure, ZONE_CURVES if base.task == "phi_zone" else None)
+        plot_runs(names, figure, ZONE_CURVES if base.task == "phi_zone" else None)
     except OSError as error:
-        raise UserError(f"cannot write {arguments.figure}: {error.strerror or error}") from error
-    print(f"drawn: {arguments.figure}")
+        raise UserError(f"cannot write {figure}: {error.strerror or error}") from error
+    print(f"drawn: {figure}")
 
 
 if __name__ == "__main__":

@@ -53,12 +53,14 @@ def write_status(run: Run, iteration: int, state: str) -> None:
         "frames_per_seed": iteration * run.experiment.agent.frames_per_iteration,
         "seeds": list(run.seeds),
     }
-    if run.train_seconds > 0:
+    if run.train_seconds > 0 and trained > 0:
         status["last_session"] = {
             "compile_seconds": round(run.compile_seconds, 2),
             "training_seconds": round(run.train_seconds, 2),
             "frames_per_second_all_seeds": round(frames / run.train_seconds, 1),
         }
+    elif "last_session" in run.earlier:
+        status["last_session"] = run.earlier["last_session"]
     before = run.earlier.get("all_sessions", {})
     status["all_sessions"] = {
         "compile_seconds": round(before.get("compile_seconds", 0.0) + run.compile_seconds, 2),

@@ -67,6 +67,7 @@ def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
         from t2tl_jax.training.seeds import parse_seeds, place, seed_sharding
 
     folder, stored = run_folder.open_existing(arguments.run)
+    evaluation_run.stored(folder)  # tells of a damaged file before the work
     compilation_cache.use(stored.run.compilation_cache)
     config = _changed(stored, arguments)
     experiment = (build or default_build)(config)
@@ -77,11 +78,11 @@ def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
     if config.task != stored.task and config.network.task_encoder == "one_hot":
         print("note: a one-hot code does not carry over to another task; its rows now mean other sub-tasks")
     reports = evaluation_run.evaluate(experiment, config, params, arguments.episodes)
+    print(table(reports), flush=True)
     evaluation_run.store(folder, what, reports)
-    print(table(reports))
+    print(f"stored: {folder.evaluation}", flush=True)
     if arguments.gif and evaluation_run.draw_episode(experiment, config, params, folder):
         print(f"drawn: {folder.gif}")
-    print(f"stored: {folder.evaluation}")
 
 
 def _changed(config: Any, arguments: Arguments) -> Any:

@@ -7,6 +7,7 @@ import jax
 from envs.zones import ZoneConfig
 from experiments.build import Experiment
 from experiments.configs import Config
+from experiments.errors import UserError
 from experiments.run_folder import RunFolder, read_json, write_json
 from experiments.views import view_of
 from t2tl_jax.evaluation.animation import captions, record, save_gif
@@ -54,12 +55,33 @@ def evaluate(experiment: Experiment, config: Config, params: Any, episodes: int)
     }
 
 
+def stored(folder: RunFolder) -> list[dict[str, Any]]:
+    """The results in ``evaluation.json``; none if the file does not exist.
+
+    Raises:
+        UserError: if it holds something else.
+    """
+    try:
+        found = read_json(folder.evaluation).get("evaluations", [])
+        if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
+            raise UserError(f"{folder.evaluation} should hold a list of evaluations")
+        return found
+    except UserError as error:
+        raise UserError(f"{error}; move this file away, so that a new one can be written") from error
+
+
 def store(folder: RunFolder, what: Settings, reports: dict[str, Report]) -> None:
-    """Add results to ``evaluation.json``, in place of older ones of the same settings."""
-    earlier = read_json(folder.evaluation).get("evaluations", [])
-    kept = [entry for entry in earlier if entry.get("settings") != what]
+    """Add results to ``evaluation.json``, in place of older ones of the same settings.
+
+    Raises:
+        UserError: if the file is damaged or cannot be written.
+    """
+    kept = [entry for entry in stored(folder) if entry.get("settings") != what]
     entry = {"settings": what, "policies": {name: report.as_json() for name, report in reports.items()}}
-    write_json(folder.evaluation, {"evaluations": [*kept, entry]})
+    try:
+        write_json(folder.evaluation, {"evaluations": [*kept, entry]})
+    except OSError as error:
+        raise UserError(f"cannot write {folder.evaluation}: {error.strerror or error}") from error
 
 
 def draw_episode(experiment: Experiment, config: Config, params: Any, folder: RunFolder) -> bool:
@@ -79,5 +101,8 @@ def draw_episode(experiment: Experiment, config: Config, params: Any, folder: Ru
     env, agent = experiment.of_seed(jax.numpy.uint32(seeds[0]))
     first = jax.tree.map(lambda x: x[0], params)
     recording = record(env, view, agent, first, key, config.episode_length, deterministic=True)
-    save_gif(recording, view, folder.gif, captions(experiment.row_texts))
+    try:
+        save_gif(recording, view, folder.gif, captions(experiment.row_texts))
+    except OSError as error:
+        raise UserError(f"cannot write {folder.gif}: {error.strerror or error}") from error
     return True

@@ -17,6 +17,7 @@ from experiments.run_folder import RunFolder
 from t2tl_jax.networks.task_encoders import TaskEncoderConfig
 from t2tl_jax.training import transfer
 from t2tl_jax.training.checkpoints import Checkpoints
+from t2tl_jax.training.metrics_file import MetricsFileError
 from t2tl_jax.training.seeds import parse_seeds
 
 AUTO = "auto"
@@ -101,18 +102,34 @@ def load(folder: RunFolder, stored: Config, experiment: Experiment, config: Conf
 
 
 def summary(folder: RunFolder, stored: Config) -> dict[str, Any]:
-    """What the pre-training cost, and how it ended: for ``status.json``."""
+    """What the pre-training cost, and how it ended, as far as is known: for ``status.json``."""
     status = run_folder.read_json(folder.status)
-    end = ending(folder.metrics, LAST)
     return {
         "folder": str(folder.path),
         "task": stored.task,
         "seeds": list(parse_seeds(stored.seeds)),
         "frames_per_seed": status.get("frames_per_seed", 0),
         **{name: status.get("all_sessions", {}).get(name, 0.0) for name in ("compile_seconds", "training_seconds")},
-        "success_rate": [round(float(x), 4) for x in end.success],
-        "discounted_return": [round(float(x), 4) for x in end.discounted_return],
-        "length": [round(float(x), 3) for x in end.length],
+        **_ending(folder, stored),
+    }
+
+
+def _ending(folder: RunFolder, stored: Config) -> dict[str, list[float | None]]:
+    """Figures of every seed, None for those that are not known: its encoder can be used all the same."""
+    try:
+        end = ending(folder.metrics, LAST)
+    except MetricsFileError as error:
+        print(f"note: how the pre-training ended is not known: {error}")
+        unknown: list[float | None] = [None] * len(parse_seeds(stored.seeds))
+        return {"success_rate": unknown, "discounted_return": unknown, "length": unknown}
+
+    def rounded(values: np.ndarray, digits: int) -> list[float | None]:
+        return [round(float(x), digits) if np.isfinite(x) else None for x in values]
+
+    return {
+        "success_rate": rounded(end.success, 4),
+        "discounted_return": rounded(end.discounted_return, 4),
+        "length": rounded(end.length, 3),
     }
 
 
@@ -121,8 +138,13 @@ def in_words(summary: dict[str, Any]) -> str:
     seconds = summary["compile_seconds"] + summary["training_seconds"]
     return (
         f"{summary['frames_per_seed']:,} frames per seed on {summary['task']} in {seconds:.0f} s, "
-        f"discounted return {np.mean(summary['discounted_return']):.3f}, length {np.mean(summary['length']):.2f}"
+        f"discounted return {_mean(summary['discounted_return'], 3)}, length {_mean(summary['length'], 2)}"
     )
+
+
+def _mean(values: list[float | None], digits: int) -> str:
+    known = [value for value in values if value is not None]
+    return f"{np.mean(known):.{digits}f}" if known else "-"
 
 
 def _propositions(config: Config) -> tuple[str, ...]:

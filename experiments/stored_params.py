@@ -16,10 +16,17 @@ def restore(folder: RunFolder, config: Config, experiment: Experiment, which: Wh
     """Iteration of the newest checkpoint and parameters of every seed, as NumPy arrays with leading axis [seeds].
 
     Raises:
-        UserError: if there are none, or they do not fit the configuration.
+        UserError: if there are none, or they do not fit the configuration, such as a task that the network cannot read.
     """
     keys = stream_keys(parse_seeds(config.seeds), TRAINING)
-    shapes = jax.eval_shape(jax.vmap(experiment.agent.init), keys).params
+    try:
+        shapes = jax.eval_shape(jax.vmap(experiment.agent.init), keys).params
+    except ValueError as error:
+        raise UserError(
+            f"the network of {folder.path} cannot read {config.task}: {error}\n"
+            "A trained network keeps the kind and the sizes that it was made with: choose a task within them, or train "
+            "another run for this one."
+        ) from error
     try:
         with Checkpoints(folder.checkpoints) as checkpoints:
             return checkpoints.restore_params(which, shapes)

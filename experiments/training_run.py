@@ -2,7 +2,8 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from t2tl_jax.training import loop, transfer
 from t2tl_jax.training.checkpoints import CheckpointError, Checkpoints, best_params
 from t2tl_jax.training.convergence import Convergence
 from t2tl_jax.training.interrupts import Interrupted, StopRequest
-from t2tl_jax.training.metrics_file import MetricsFileError, by_seed, read_columns
+from t2tl_jax.training.metrics_file import MetricsFileError, by_seed, lines_up_to, read_columns
 from t2tl_jax.training.prefetch import Prefetch
 from t2tl_jax.training.program import Program, trace
 from t2tl_jax.training.progress import Progress
@@ -112,11 +113,18 @@ def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
 
 
 def _train_or_hint(run: Run) -> int:
-    """Train, and if a signal stops it, say how to go on. Returns the exit code."""
+    """Train, and if a signal stops it, say how to go on. Returns the exit code.
+
+    Raises:
+        UserError: if what a resumed run left is missing or damaged.
+    """
     try:
         _train(run)
     except Interrupted as when:
         print(f"stopped {when}; continue with --resume {run.folder.path}")
+    except MetricsFileError as error:
+        hint = "A resumed run needs its rows so far: mend the file, bring back a copy of it, or begin a new run."
+        raise UserError(f"{error}\n{hint}") from error
     return run.stop.leave(0)
 
 
@@ -189,6 +197,8 @@ def _restore(run: Run, checkpoints: Checkpoints) -> tuple[int, Any]:
         done, state = checkpoints.restore(run.program.state)
     except CheckpointError as error:
         raise UserError(str(error)) from error
+    if done < run.experiment.iterations:
+        lines_up_to(run.folder.metrics, done)  # the recorder would say the same, but after compiling
     print(f"resuming after iteration {done:,}")
     run.convergence = Convergence(run.config.convergence, len(run.seeds), _returns(run, done))
     return done, place(state, run.program.sharding)
@@ -196,13 +206,9 @@ def _restore(run: Run, checkpoints: Checkpoints) -> tuple[int, Any]:
 
 def _returns(run: Run, done: int) -> np.ndarray | None:
     """The discounted return of the iterations behind a checkpoint: float[seeds, done]; None if nothing asks for it."""
-    if not run.config.convergence.window:
+    if not run.config.convergence.window or done >= run.experiment.iterations:
         return None
-    try:
-        columns = read_columns(run.folder.metrics)
-    except MetricsFileError as error:
-        raise UserError(str(error)) from error
-    return by_seed(columns, "discounted_return")[2][:, :done]
+    return by_seed(read_columns(run.folder.metrics), "discounted_return")[2][:, :done]
 
 
 def _compile(program: Program, fresh: bool) -> tuple[Any, Any, Any]:
@@ -213,10 +219,7 @@ def _compile(program: Program, fresh: bool) -> tuple[Any, Any, Any]:
 def _iterate(run: Run, iterate: Any, renew: Any, checkpoints: Checkpoints, state: Any, done: int) -> tuple[int, Any]:
     config, total = run.config, run.experiment.iterations
     per_iteration = run.experiment.agent.frames_per_iteration
-    try:
-        recorder = Recorder(run.folder.path, run.seeds, after=done)
-    except MetricsFileError as error:
-        raise UserError(str(error)) from error
+    recorder = Recorder(run.folder.path, run.seeds, after=done)
     progress = Progress(total * per_iteration, done * per_iteration, len(run.seeds), quiet=not config.run.progress)
     begin = time.monotonic()
 
@@ -264,8 +267,9 @@ def _conclude(run: Run, state: Any, done: int) -> None:
     write_status(run, done, "finished" if finished else "interrupted")
     if done == 0:
         raise Interrupted("before the first iteration was complete")
-    plot_learning_curves(run.folder.metrics, run.folder.curves, title=f"{run.config.task} ({run.folder.path})")
-    print(run_display.curves_table(run.folder))
+    with _noted("no learning curve"):
+        print(run_display.curves_table(run.folder))
+        plot_learning_curves(run.folder.metrics, run.folder.curves, title=f"{run.config.task} ({run.folder.path})")
     params = best_params(state)
     if not finished:
         _draw(run, params)
@@ -285,10 +289,21 @@ def _evaluate(run: Run, params: Any, iteration: int) -> None:
         return
     print(f"evaluating the best parameters, {episodes} episodes per seed and policy", flush=True)
     reports = evaluation_run.evaluate(run.experiment, run.config, params, episodes)
-    evaluation_run.store(run.folder, evaluation_run.settings(run.config, "best", iteration, episodes), reports)
-    print(report.table(reports))
+    print(report.table(reports), flush=True)
+    with _noted("the evaluation is not stored"):
+        evaluation_run.store(run.folder, evaluation_run.settings(run.config, "best", iteration, episodes), reports)
 
 
 def _draw(run: Run, params: Any) -> None:
     if run.config.run.gif:
-        evaluation_run.draw_episode(run.experiment, run.config, params, run.folder)
+        with _noted("no animation"):
+            evaluation_run.draw_episode(run.experiment, run.config, params, run.folder)
+
+
+@contextmanager
+def _noted(what: str) -> Iterator[None]:
+    """Say what went wrong with a result, and go on: the training is on disk, and a picture less is no lost run."""
+    try:
+        yield
+    except (UserError, MetricsFileError, OSError) as error:
+        print(f"note: {what}: {error}", flush=True)

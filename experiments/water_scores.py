@@ -37,22 +37,37 @@ def _main(texts: list[str]) -> int:
     if not arguments.runs:
         raise UserError("name at least one run folder")
     with quiet_imports():
+        from envs.waterworld import WaterWorldConfig
         from experiments import run_folder
         from t2tl_jax.training.metrics_file import MetricsFileError, read_columns
 
     tables = {}
     for path in arguments.runs:
-        folder, _ = run_folder.open_existing(path)
+        folder, config = run_folder.open_existing(path)
+        if not isinstance(config.env, WaterWorldConfig):
+            raise UserError(
+                f"{path} was not trained in WaterWorld, whose published curves these are; "
+                "python -m experiments.compare reads runs in any environment"
+            )
         try:
-            tables[str(path)] = read_columns(folder.metrics)
+            columns = tables[str(path)] = read_columns(folder.metrics)
         except MetricsFileError as error:
             raise UserError(str(error)) from error
-    ten_tasks = [path for path, columns in tables.items() if "best_score_10" in columns]
+        if _is_of_ten_tasks(columns) and config.env.layout != "by_seed":
+            raise UserError(
+                f"{path} was trained with env.layout={config.env.layout}; the published scores are normalised by map, "
+                "and only env.layout=by_seed trains seed n on map n"
+            )
+    ten_tasks = [path for path, columns in tables.items() if _is_of_ten_tasks(columns)]
     if ten_tasks and len(ten_tasks) < len(tables):
         raise UserError(f"only {', '.join(ten_tasks)} trained on the ten tasks; give runs of one kind")
     for line in _normalised(tables) if ten_tasks else _by_episode(tables):
         print(line)
     return 0
+
+
+def _is_of_ten_tasks(columns: Mapping[str, np.ndarray]) -> bool:
+    return "best_score_10" in columns
 
 
 def _normalised(tables: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[str]:
@@ -68,8 +83,8 @@ def _normalised(tables: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[str]
         curves = [normalised_scores(columns, number, best[number]) for number in np.unique(columns["seed"]).astype(int)]
         cells = []
         for steps in published_water.STEPS:
-            at = [score[np.searchsorted(x, steps, side="right") - 1] for x, score in curves if x[-1] >= steps]
-            cells.append(_mean_and_deviation(np.array(at)))
+            at = [_at(steps, x, score) for x, score in curves]
+            cells.append("-" if None in at else _mean_and_deviation(np.array(at)))
         yield _line(path, cells) + f"   ({len(curves)} maps)"
     for name, (means, deviations) in published_water.SCORES.items():
         cells = [f"{mean:.3f}±{deviation:.3f}" for mean, deviation in zip(means, deviations, strict=True)]
@@ -87,9 +102,16 @@ def _by_episode(tables: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[str]
         yield _line(f"published {name} (phi_water)", [f"{value:.2f}" for value in values])
 
 
+def _at(steps: int, x: np.ndarray, score: np.ndarray) -> float | None:
+    """The newest score after so many steps; None before the first iteration ended and after the last one did."""
+    if not x[0] <= steps <= x[-1]:
+        return None
+    return float(score[np.searchsorted(x, steps, side="right") - 1])
+
+
 def _mean_and_deviation(values: np.ndarray) -> str:
     if not len(values):
-        return ""
+        return "-"
     return f"{values.mean():.3f}" + (f"±{values.std(ddof=1):.3f}" if len(values) > 1 else "")
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -78,7 +79,7 @@ class MetricsFile:
             after: rows of later iterations are removed first, and those up to it must be there.
 
         Raises:
-            MetricsFileError: if the file lacks rows up to ``after``.
+            MetricsFileError: if the file lacks rows up to ``after``, or is damaged.
         """
         self.path = Path(path)
         self._header: list[str] | None = None
@@ -113,18 +114,28 @@ class MetricsFile:
         self._file.close()
 
     def _rewind(self, iteration: int) -> None:
-        if not self.path.exists():
-            raise MetricsFileError(f"{self.path} is missing, but the checkpoint stands at iteration {iteration}")
-        lines = self.path.read_text(encoding="utf-8").splitlines(keepends=True)
-        # Only the first cell is read, so a last line that was cut off in the middle does no harm.
-        kept = [line for line in lines[1:] if line.endswith("\n") and int(line.split(",", 1)[0]) <= iteration]
-        last = int(kept[-1].split(",", 1)[0]) if kept else 0
-        if last != iteration:
-            raise MetricsFileError(f"{self.path} ends at iteration {last}, but the checkpoint stands at {iteration}")
+        lines = lines_up_to(self.path, iteration)
         self._header = next(csv.reader(lines[:1]))
         temporary = self.path.with_suffix(".csv.tmp")
-        temporary.write_text("".join([lines[0], *kept]), encoding="utf-8", newline="")
+        temporary.write_text("".join(lines), encoding="utf-8", newline="")
         os.replace(temporary, self.path)
+
+
+def lines_up_to(path: Path, iteration: int) -> list[str]:
+    """The header and the rows of the first iterations of a ``metrics.csv``, for a run that goes on from there.
+
+    Raises:
+        MetricsFileError: if they are not all there, or damaged.
+    """
+    if not path.exists():
+        raise MetricsFileError(f"{path} is missing, but the checkpoint stands at iteration {iteration}")
+    lines = _complete_lines(path)
+    iterations = _parse(path, lines)["iteration"]
+    kept = [line for line, at in zip(lines[1:], iterations, strict=True) if at <= iteration]
+    last = int(iterations[iterations <= iteration].max(initial=0))
+    if last != iteration:
+        raise MetricsFileError(f"{path} ends at iteration {last}, but the checkpoint stands at {iteration}")
+    return [lines[0], *kept]
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
@@ -133,18 +144,43 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
     Raises:
         MetricsFileError: if the file is missing, empty or not such a file.
     """
+    return _parse(path, _complete_lines(path))
+
+
+def _complete_lines(path: Path) -> list[str]:
+    """All lines but a last one that was cut off in the middle, as a killed process may leave it."""
     try:
-        with open(path, newline="", encoding="utf-8") as file:
-            table = list(csv.reader(file))
+        data = path.read_bytes()
+        return data[: data.rfind(b"\n") + 1].decode("utf-8").splitlines(keepends=True)
     except OSError as error:
         raise MetricsFileError(f"cannot read {path}: {error.strerror}") from error
-    if len(table) < 2 or tuple(table[0][: len(FIXED_COLUMNS)]) != FIXED_COLUMNS:
-        raise MetricsFileError(f"{path} holds no metrics yet" if len(table) < 2 else f"{path} is not a metrics file")
-    try:
-        cells = [[float(cell) if cell else np.nan for cell in line] for line in table[1:]]
-        return dict(zip(table[0], np.array(cells, np.float64).T, strict=True))
-    except ValueError as error:
+    except UnicodeDecodeError as error:
         raise MetricsFileError(f"{path} is damaged: {error}") from error
+
+
+def _parse(path: Path, lines: Sequence[str]) -> dict[str, np.ndarray]:
+    try:
+        header, *table = list(csv.reader(lines, quoting=csv.QUOTE_NONE)) or [[]]  # so one line is one row
+    except csv.Error as error:
+        raise MetricsFileError(f"{path} is damaged: {error}") from error
+    if not table or tuple(header[: len(FIXED_COLUMNS)]) != FIXED_COLUMNS:
+        raise MetricsFileError(f"{path} is not a metrics file" if table else f"{path} holds no metrics yet")
+    cells = np.empty((len(table), len(header)))
+    for index, row in enumerate(table):
+        try:
+            cells[index] = _numbers(row, len(header))
+        except ValueError as error:
+            raise MetricsFileError(f"{path} is damaged in line {index + 2}: {error}") from error
+    return dict(zip(header, cells.T, strict=True))
+
+
+def _numbers(row: Sequence[str], count: int) -> list[float]:
+    if len(row) != count:
+        raise ValueError(f"{len(row)} cells instead of {count}")
+    numbers = [float(cell) if cell else np.nan for cell in row]
+    if not all(map(math.isfinite, numbers[:3])):
+        raise ValueError(f"iteration, frames or seed is missing in {','.join(row[:3])!r}")
+    return numbers
 
 
 def by_seed(columns: Mapping[str, np.ndarray], name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -17,6 +17,7 @@ from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.training.convergence import ConvergenceConfig
+from t2tl_jax.training.metrics_file import FIXED_COLUMNS
 
 ENCODER = ("--network.task-encoder", "gru", "--network.gru.width", "8", "--network.gru.output", "4")
 QUIET = ("--run.progress", "False", "--run.gif", "False")
@@ -171,6 +172,23 @@ def test_families_that_cannot_be_trained_are_explained(name, changes, said):
     config = dataclasses.replace(CONFIGS[name][0], **{"task": "Until_1_2_1_1", **changes})
     with pytest.raises(UserError, match=said):
         training_run._prepare(config, build)
+
+
+@pytest.mark.parametrize(
+    ("metrics", "returns", "words"),
+    [
+        (None, [None, None], "discounted return -, length -"),
+        ("1,10,0,1,1,0,0,0.5,5,5\n1,10,1,0,,,,,,\n", [0.5, None], "discounted return 0.500, length 5.00"),
+    ],
+)
+def test_how_a_pretraining_ended_need_not_be_known(stored, metrics, returns, words):
+    folder, config = run_folder.open_existing(Path(stored(seeds="2")))
+    if metrics is not None:
+        folder.metrics.write_text(",".join(FIXED_COLUMNS) + "\n" + metrics)
+    summary = pretraining.summary(folder, config)
+    run_folder.write_json(folder.status, summary)
+    assert json.loads(folder.status.read_text())["discounted_return"] == returns
+    assert pretraining.in_words(summary).endswith(words)
 
 
 def test_names_without_their_prefix(capsys):

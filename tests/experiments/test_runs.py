@@ -108,6 +108,12 @@ def test_evaluation_command(train, evaluate_run, read_json, capsys):
     assert "mean" in capsys.readouterr().out
 
 
+def test_resuming_a_finished_run_keeps_its_speed(finished, resume, read_json):
+    before = read_json(finished / "status.json")
+    assert resume(finished) == 0
+    assert read_json(finished / "status.json")["last_session"] == before["last_session"]
+
+
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
