@@ -4,13 +4,16 @@ Times the training step of DQN (act, store, one gradient step) with and without 
 machine in the same process, for tasks of 6 and of 77 rows and both heads of the Q-network.
 """
 
+import itertools
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 from experiments.errors import UserError, guarded
 from experiments.flags import parse
+from experiments.quiet import quiet_imports
+from t2tl_jax import checks
 
 Head = Literal["film", "bilinear"]
 HEADS: tuple[Head, ...] = ("film", "bilinear")
@@ -29,6 +32,9 @@ class Arguments:
     repeats: int = 5
     """Calls that are timed, after one that is not."""
 
+    def __post_init__(self) -> None:
+        checks.counts(self, "num_envs", "batch_size", "steps", "repeats")
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0 done, 2 for input that cannot be used."""
@@ -36,28 +42,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: list[str]) -> int:
-    import itertools
-
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmark_dqn", description=Arguments.__doc__)
-    if min(arguments.num_envs, arguments.batch_size, arguments.steps, arguments.repeats) < 1:
-        raise UserError("all numbers must be at least 1")
-    import jax
+    try:
+        _report(arguments)
+    except ValueError as error:  # from whoever noticed
+        raise UserError(str(error)) from error
+    return 0
 
+
+def _report(arguments: Arguments) -> None:
+    with quiet_imports():
+        import jax
+
+        from t2tl_jax.agents.dqn import DQNConfig
+
+    learner = DQNConfig(
+        num_envs=arguments.num_envs,
+        batch_size=arguments.batch_size,
+        steps_per_iteration=arguments.steps,
+        learning_starts=1,
+    )
     print(f"{jax.devices()[0].device_kind}, jax {jax.__version__}, {arguments.num_envs} environments, batch", end=" ")
     print(f"{arguments.batch_size}; microseconds per training step, median (minimum, maximum)")
     print(f"{'task':22} {'rows':>4} {'head':9} {'one row':>22} {'every row':>22} {'ratio':>6} {'compile':>8}")
     for (task, rows), head in itertools.product((("phi_water_6_1", 6), ("rm_water", 77)), HEADS):
-        plain, compile_plain = _time(arguments, task, rows, head, simultaneous=False)
-        every, compile_every = _time(arguments, task, rows, head, simultaneous=True)
+        plain, compile_plain = _time(arguments, task, rows, head, replace(learner, simultaneous=False))
+        every, compile_every = _time(arguments, task, rows, head, replace(learner, simultaneous=True))
         print(
             f"{task:22} {rows:4} {head:9} {_spread(plain):>22} {_spread(every):>22} "
             f"{every[len(every) // 2] / plain[len(plain) // 2]:6.2f} {compile_plain + compile_every:6.1f} s",
             flush=True,
         )
-    return 0
 
 
-def _time(arguments: Arguments, task: str, rows: int, head: Head, simultaneous: bool) -> tuple[list[float], float]:
+def _time(arguments: Arguments, task: str, rows: int, head: Head, learner: Any) -> tuple[list[float], float]:
     """Sorted microseconds per step, and seconds of compilation."""
     import time
 
@@ -66,7 +84,6 @@ def _time(arguments: Arguments, task: str, rows: int, head: Head, simultaneous: 
     from envs.waterworld import LETTERS, WaterWorldConfig
     from experiments.build import build
     from experiments.configs import Config
-    from t2tl_jax.agents.dqn import DQNConfig
     from t2tl_jax.networks.q_network import QNetworkConfig
 
     agent = build(
@@ -75,13 +92,7 @@ def _time(arguments: Arguments, task: str, rows: int, head: Head, simultaneous: 
             task=task,
             network=QNetworkConfig(task_encoder="one_hot", one_hot_size=rows, head=head, task_layer=512),
             ppo=None,
-            dqn=DQNConfig(
-                num_envs=arguments.num_envs,
-                batch_size=arguments.batch_size,
-                steps_per_iteration=arguments.steps,
-                learning_starts=1,
-                simultaneous=simultaneous,
-            ),
+            dqn=learner,
         )
     ).agent
     begin = time.perf_counter()

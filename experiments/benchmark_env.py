@@ -10,29 +10,25 @@ Compilation is timed apart.
 import dataclasses
 import json
 import platform
-import statistics
-import time
-from collections.abc import Callable
+import sys
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-import jax
-import jax.numpy as jnp
-import tyro
-
+from experiments.errors import UserError, guarded
+from experiments.flags import parse
 from experiments.quiet import quiet_imports
-
-with quiet_imports():
-    from envs import waterworld, zones
-    from envs.base import LabelledEnv, State
-    from t2tl_jax.ltl import compile_tasks, resolve_task
-    from t2tl_jax.task_env import TaskEnv
+from t2tl_jax import checks
+from t2tl_jax.ltl import resolve_task
 
 Physics = Literal["mjx", "closed_form", "straight_flight"]
 
-ZONE_PHYSICS: tuple[Physics, ...] = ("mjx", "closed_form")
-WATER_PHYSICS: tuple[Physics, ...] = ("straight_flight",)
+PHYSICS: dict[str, tuple[Physics, ...]] = {"zones": ("mjx", "closed_form"), "waterworld": ("straight_flight",)}
+"""What each environment has."""
+
+TASKS = {"zones": "phi_zone", "waterworld": "phi_water"}
+"""The task of each environment unless another one is given."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,102 +54,72 @@ class BenchmarkConfig:
     json: Path | None = None
     """Also write the results to this file."""
 
+    def __post_init__(self) -> None:
+        foreign = [name for name in self.physics if name not in PHYSICS[self.env]]
+        if foreign:
+            known = ", ".join(PHYSICS[self.env])
+            raise ValueError(f"{self.env} has no physics {', '.join(foreign)}; known: {known}")
+        if not self.num_envs or min(self.num_envs) < 1:
+            raise ValueError(f"num_envs are batch sizes, one or more of at least 1, got {self.num_envs}")
+        checks.counts(self, "steps", "repeats")
+        checks.counts(self, "episode_length", least=0)
 
-@dataclasses.dataclass(frozen=True)
-class Result:
-    """One row of the report."""
 
-    physics: Physics
-    """What moved the bodies."""
-    num_envs: int
-    """Batch size."""
-    compile_s: float
-    """Seconds to trace and compile."""
-    steps_per_s: float
-    """Environment steps per second, median of the repeats."""
-    slowest: float
-    """The same in the slowest repeat."""
-    fastest: float
-    """The same in the fastest repeat."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 2 for input that cannot be used."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def _main(texts: list[str]) -> int:
+    config = parse(BenchmarkConfig, texts, prog="python -m experiments.benchmark_env", description=__doc__)
+    if config.json is not None and not config.json.absolute().parent.is_dir():
+        raise UserError(f"--json {config.json}: there is no folder {config.json.parent}; make it first")
+    try:
+        resolve_task(config.task or TASKS[config.env])  # a mistake is answered before JAX is loaded
+        report(config)
+    except ValueError as error:  # from whoever noticed
+        raise UserError(str(error)) from error
+    except OSError as error:
+        raise UserError(f"cannot write {config.json}: {error.strerror or error}") from error
+    return 0
 
 
 def resolve(config: BenchmarkConfig) -> BenchmarkConfig:
-    """The same with every default filled in; ValueError for a physics that the environment does not have."""
-    water = config.env == "waterworld"
-    known = WATER_PHYSICS if water else ZONE_PHYSICS
-    unknown = [name for name in config.physics if name not in known]
-    if unknown:
-        raise ValueError(f"{config.env} has no physics {', '.join(unknown)}; known: {', '.join(known)}")
+    """The same with every default filled in."""
+    with quiet_imports():
+        from envs import waterworld, zones
+
     return dataclasses.replace(
         config,
-        physics=config.physics or known,
-        task=config.task or ("phi_water" if water else "phi_zone"),
-        episode_length=config.episode_length or (waterworld.EPISODE_LENGTH if water else zones.EPISODE_LENGTH),
+        physics=config.physics or PHYSICS[config.env],
+        task=config.task or TASKS[config.env],
+        episode_length=config.episode_length
+        or (waterworld.EPISODE_LENGTH if config.env == "waterworld" else zones.EPISODE_LENGTH),
     )
 
 
-def make_env(config: BenchmarkConfig, physics: Physics) -> LabelledEnv:
-    """The environment without a task."""
-    if physics == "straight_flight":
-        return waterworld.WaterWorld(waterworld.WaterWorldConfig(layout=config.layout))
-    return zones.ZoneEnv(zones.ZoneConfig(physics=physics, layout=config.layout))
+def make_env(config: BenchmarkConfig, physics: Physics) -> Any:
+    """The ``TaskEnv`` that is measured."""
+    from envs import waterworld, zones
+    from t2tl_jax.ltl import compile_tasks
+    from t2tl_jax.task_env import TaskEnv
+
+    world = (
+        waterworld.WaterWorld(waterworld.WaterWorldConfig(layout=config.layout))
+        if physics == "straight_flight"
+        else zones.ZoneEnv(zones.ZoneConfig(physics=physics, layout=config.layout))
+    )
+    return TaskEnv(world, compile_tasks(resolve_task(config.task), world.propositions, world.alphabet))
 
 
-def random_actions(key: jax.Array, env: TaskEnv, num_envs: int) -> jax.Array:
-    """Uniform actions for a batch, discrete or continuous."""
-    if env.num_actions is not None:
-        return jax.random.randint(key, (num_envs,), 0, env.num_actions)
-    return jax.random.uniform(key, (num_envs, env.action_size), minval=-1.0, maxval=1.0)
-
-
-def make_rollout(env: TaskEnv, num_envs: int, steps: int, episode_length: int) -> Callable[..., tuple]:
-    """A function ``(states, ages, key) -> (states, ages, total reward)`` that takes ``steps`` random actions each."""
-
-    def step(carry: tuple[State, jax.Array, jax.Array], key: jax.Array) -> tuple[tuple, None]:
-        states, ages, total = carry
-        action_key, reset_key = jax.random.split(key)
-        actions = random_actions(action_key, env, num_envs)
-        states = jax.vmap(env.step)(states, actions)
-        total += states.reward.sum()
-        ages += 1
-        ended = (states.done > 0.0) | (ages >= episode_length)
-        fresh = jax.vmap(env.reset)(jax.random.split(reset_key, num_envs))
-        states = jax.vmap(lambda end, new, old: jax.tree.map(lambda a, b: jnp.where(end, a, b), new, old))(
-            ended, fresh, states
-        )
-        return (states, jnp.where(ended, 0, ages), total), None
-
-    def rollout(states: State, ages: jax.Array, key: jax.Array) -> tuple[State, jax.Array, jax.Array]:
-        return jax.lax.scan(step, (states, ages, jnp.zeros(())), jax.random.split(key, steps))[0]
-
-    return rollout
-
-
-def measure(config: BenchmarkConfig, physics: Physics, num_envs: int) -> Result:
-    """Compile, warm up and time one physics at one batch size."""
-    world = make_env(config, physics)
-    env = TaskEnv(world, compile_tasks(resolve_task(config.task), world.propositions, world.alphabet))
-    states = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.key(0), num_envs))
-    ages = jnp.arange(num_envs, dtype=jnp.int32) % config.episode_length  # spread the resets over time
-    rollout = make_rollout(env, num_envs, config.steps, config.episode_length)
-
-    started = time.perf_counter()
-    compiled = jax.jit(rollout, donate_argnums=(0, 1)).lower(states, ages, jax.random.key(0)).compile()
-    compile_s = time.perf_counter() - started
-
-    seconds = []
-    for repeat in range(config.repeats + 1):
-        started = time.perf_counter()
-        states, ages, total = compiled(states, ages, jax.random.key(repeat))
-        jax.block_until_ready((states, total))
-        seconds.append(time.perf_counter() - started)
-    speeds = [num_envs * config.steps / s for s in seconds[1:]]  # the first call warms up
-    return Result(physics, num_envs, compile_s, statistics.median(speeds), min(speeds), max(speeds))
-
-
-def main(config: BenchmarkConfig) -> list[Result]:
-    """Measure every combination, print a table, and write it to a file on request."""
+def report(config: BenchmarkConfig) -> list[dict[str, Any]]:
+    """Measure every combination, print a table, and write it to a file on request. Returns the rows of the table."""
     config = resolve(config)
+    import jax
+
+    from experiments.env_speed import measure
+
+    envs = {physics: make_env(config, physics) for physics in config.physics}
     device = jax.devices()[0]
     where = {
         "device": f"{jax.device_count()} x {device.device_kind} ({device.platform}); one is used",
@@ -164,22 +130,22 @@ def main(config: BenchmarkConfig) -> list[Result]:
     print(f"{config.env}, layout {config.layout}, task {config.task}")
     print(f"{config.steps} steps per call, {config.repeats} calls")
     print(f"{'physics':16} {'envs':>8} {'compile s':>10} {'env steps/s':>14} {'min':>14} {'max':>14}")
-    results = []
-    for physics in config.physics:
+    results: list[dict[str, Any]] = []
+    for physics, env in envs.items():
         for num_envs in config.num_envs:
-            result = measure(config, physics, num_envs)
-            results.append(result)
+            speed = measure(env, num_envs, config.steps, config.repeats, config.episode_length)
+            results.append({"physics": physics, "num_envs": num_envs, **dataclasses.asdict(speed)})
             print(
-                f"{physics:16} {num_envs:8,} {result.compile_s:10.1f} {result.steps_per_s:14,.0f} "
-                f"{result.slowest:14,.0f} {result.fastest:14,.0f}",
+                f"{physics:16} {num_envs:8,} {speed.compile_s:10.1f} {speed.steps_per_s:14,.0f} "
+                f"{speed.slowest:14,.0f} {speed.fastest:14,.0f}",
                 flush=True,
             )
     if config.json is not None:
         settings = {**dataclasses.asdict(config), "json": str(config.json)}
-        report = {"where": where, "config": settings, "results": [dataclasses.asdict(result) for result in results]}
-        config.json.write_text(json.dumps(report, indent=2) + "\n")
+        written = {"where": where, "config": settings, "results": results}
+        config.json.write_text(json.dumps(written, indent=2) + "\n")
     return results
 
 
 if __name__ == "__main__":
-    main(tyro.cli(BenchmarkConfig, prog="python -m experiments.benchmark_env", description=__doc__))
+    sys.exit(main())

@@ -5,14 +5,19 @@ Each time is one whole `compile_tasks` call, from a parsed formula to arrays on 
 
 import os
 import platform
+import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Literal
 
 import numpy as np
-import tyro
 
-from t2tl_jax.ltl import WATER_PROPOSITIONS, compile_tasks, named_task, sample
+from experiments.errors import UserError, guarded
+from experiments.flags import parse
+from t2tl_jax import checks
+from t2tl_jax.ltl import WATER_PROPOSITIONS, Formula, named_task, sample
 
 LETTERS = tuple("abcdefghijkl")
 
@@ -25,14 +30,36 @@ class Arguments:
     """Names of families (over twelve propositions) or of the paper's waterworld tasks."""
     draws: int = 200
     """Formulas per family; a named task is compiled as often."""
-    alphabet: str = "every_subset"
-    """Which letters exist: every_subset or at_most_one."""
+    alphabet: Literal["every_subset", "at_most_one"] = "every_subset"
+    """Which letters exist: every set of propositions, or at most one proposition at a time."""
     seed: int = 0
     """Seed of the first draw."""
 
+    def __post_init__(self) -> None:
+        if not self.families:
+            raise ValueError("families are one or more names, got none")
+        checks.counts(self, "draws")
 
-def main(arguments: Arguments) -> None:
-    """Print the table."""
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 2 for input that cannot be used."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def _main(texts: list[str]) -> int:
+    arguments = parse(Arguments, texts, prog="python -m experiments.benchmark_ltl", description=Arguments.__doc__)
+    try:
+        for family in arguments.families:
+            _draw(family, arguments.seed)  # a mistake is answered before JAX is loaded
+        _report(arguments)
+    except ValueError as error:  # from whoever noticed
+        raise UserError(str(error)) from error
+    return 0
+
+
+def _report(arguments: Arguments) -> None:
+    from t2tl_jax.ltl import compile_tasks
+
     print(f"{_processor()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}")
     print(", ".join(f"{name} {version(name)}" for name in ("jax", "flax", "numpy")))
     print(f"{arguments.draws} draws each, seeds from {arguments.seed}, alphabet {arguments.alphabet}; times in ms\n")
@@ -44,11 +71,18 @@ def main(arguments: Arguments) -> None:
         print(f"{family:<22}{np.mean(rows):>10.1f}{np.max(rows):>10d}" + "".join(f"{1e3 * v:>9.2f}" for v in values))
 
 
+def _draw(family: str, seed: int) -> tuple[Formula, tuple[str, ...]]:
+    """Return a formula, and the propositions that it is compiled over."""
+    if family.startswith("phi_"):
+        return named_task(family), WATER_PROPOSITIONS
+    return sample(family, LETTERS, seed), LETTERS
+
+
 def _time(family: str, seed: int, alphabet: str) -> tuple[int, float]:
     """Return the rows of one table and the seconds that it took."""
-    named = family.startswith("phi_")
-    formula = named_task(family) if named else sample(family, LETTERS, seed)
-    propositions = WATER_PROPOSITIONS if named else LETTERS
+    from t2tl_jax.ltl import compile_tasks
+
+    formula, propositions = _draw(family, seed)
     start = time.perf_counter()
     table = compile_tasks(formula, propositions, alphabet)
     table.next_row.block_until_ready()
@@ -64,4 +98,4 @@ def _processor() -> str:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, prog="python -m experiments.benchmark_ltl", description=Arguments.__doc__))
+    sys.exit(main())

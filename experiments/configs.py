@@ -12,6 +12,7 @@ from envs.registry import EnvConfig
 from envs.single_state import SingleStateConfig
 from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
+from t2tl_jax import checks
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
@@ -67,10 +68,9 @@ class RunConfig:
     """Folder where compiled programs are kept, so that the next run starts sooner; '' for none."""
 
     def __post_init__(self) -> None:
-        if self.checkpoint_period < 0:
+        if not self.checkpoint_period >= 0:  # inf is fine: none but the one at the end
             raise ValueError(f"checkpoint_period is in seconds and not negative, got {self.checkpoint_period}")
-        if self.evaluation_episodes < 0:
-            raise ValueError(f"evaluation_episodes must not be negative, got {self.evaluation_episodes}")
+        checks.counts(self, "evaluation_episodes", least=0)
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,9 @@ class PoolConfig:
     """Which formulas are drawn. The pool for evaluation is another one in any case."""
 
     def __post_init__(self) -> None:
-        for name in ("size", "period", "length"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"pool.{name} must be at least 1, got {getattr(self, name)}")
+        checks.counts(self, "size", "period", "length")
         if self.rows < 3:
-            raise ValueError(f"pool.rows counts true, false and every open formula: at least 3, got {self.rows}")
+            raise ValueError(f"rows counts true, false and every open formula: at least 3, got {self.rows}")
 
 
 @dataclass(frozen=True)
@@ -134,13 +132,19 @@ class Config:
     def __post_init__(self) -> None:
         if self.frames < 1:
             raise ValueError(f"frames must be at least 1, got {self.frames}")
-        if self.episode_length < 1:
-            raise ValueError(f"episode_length must be at least 1, got {self.episode_length}")
+        # One less than other counts: random lengths of first episodes are drawn from below the next number.
+        checks.counts(self, "episode_length", most=checks.COUNTER_LIMIT - 1)
+        checks.counts(self, "task_length", least=0)
         if not 0.0 <= self.simultaneous <= 1.0:
             raise ValueError(f"simultaneous is a share of episodes between 0 and 1, got {self.simultaneous}")
         if (self.ppo is None) == (self.dqn is None):
             given = "neither" if self.ppo is None else "both"
             raise ValueError(f"a configuration has one learner, ppo or dqn, and None for the other; got {given}")
+        if self.frames > longest_run(self.learner):
+            raise ValueError(
+                f"frames must be at most {longest_run(self.learner):,} with these settings of the learner, "
+                f"which counts in 32 bits, got {self.frames:,}"
+            )
         needed = NetworkConfig if self.dqn is None else QNetworkConfig
         if not isinstance(self.network, needed):
             learner = "ppo" if self.dqn is None else "dqn"
@@ -163,6 +167,19 @@ class Config:
         learner = self.ppo or self.dqn
         assert learner is not None  # checked when it was made
         return learner
+
+
+def longest_run(learner: PPOConfig | DQNConfig) -> int:
+    """The most frames for which no counter of the learner overflows.
+
+    Both count iterations, and gradient steps where their size is annealed; DQN also counts steps of all environments
+    (for ``learning_starts``), and gradient steps in any case (for ``target_period``).
+    """
+    if isinstance(learner, PPOConfig):
+        counted = learner.epochs * learner.num_minibatches if learner.anneal_learning_rate else 1
+    else:
+        counted = learner.steps_per_iteration * max(learner.num_envs, learner.updates_per_step)
+    return checks.COUNTER_LIMIT // counted * learner.frames_per_iteration
 
 
 _ZONE = Config(network=NetworkConfig(context=ContextConfig()), pretrained="auto")

@@ -33,9 +33,6 @@ SCORES = {
 }
 """Normalised score (mean, standard deviation) after ``STEPS`` environment steps."""
 
-HOURS = {"ql": 3.1, "crm": 21.4}
-"""Median hours for two million steps in the authors' logs (hardware not published)."""
-
 EPISODES = (500, 1000, 1500, 2000, 2500, 3000, 4000, 5000, 6000, 6500, 7000, 7500)
 """Episodes at which the picture of `phi_water` was read."""
 

@@ -6,13 +6,16 @@ Nothing is learned: a learner that stays below these numbers leaves something to
 """
 
 import dataclasses
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
-import tyro
 
+from experiments.errors import UserError, guarded
+from experiments.flags import parse
 from experiments.quiet import quiet_imports
+from t2tl_jax import checks
 
 with quiet_imports():
     from envs.base import State
@@ -39,6 +42,12 @@ class ScriptConfig:
     """Radius of each colour's balls; empty means 15 for all."""
     seed: int = 0
     """Seed of the maps and of the random actions."""
+
+    def __post_init__(self) -> None:
+        if not self.tasks:
+            raise ValueError("tasks are one or more names or formulas, got none")
+        checks.counts(self, "episodes", "episode_length")
+        checks.counts(self, "seed", least=0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,13 +114,27 @@ def play(env: TaskEnv, player: Player, episodes: int, episode_length: int, seed:
     return Outcome(success - violation, success, violation, float(length.mean()))
 
 
-def main(config: ScriptConfig) -> None:
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 2 for input that cannot be used."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def _main(texts: list[str]) -> int:
+    config = parse(ScriptConfig, texts, prog="python -m experiments.waterworld_script", description=__doc__)
+    try:
+        report(config)
+    except ValueError as error:  # from whoever noticed
+        raise UserError(str(error)) from error
+    return 0
+
+
+def report(config: ScriptConfig) -> None:
     """Play every task with both players and print a table."""
     world = WaterWorld(WaterWorldConfig(layout="random", pool_size=0, radii=config.radii))
+    tables = [compile_tasks(resolve_task(task), world.propositions, world.alphabet) for task in config.tasks]
     print(f"{config.episodes} episodes of at most {config.episode_length} steps each, all on different maps")
     print(f"{'task':<16} {'player':<8} {'return':>7} {'success':>8} {'violation':>10} {'steps':>7}")
-    for task in config.tasks:
-        table = compile_tasks(resolve_task(task), world.propositions, world.alphabet)
+    for task, table in zip(config.tasks, tables, strict=True):
         env = TaskEnv(world, table)
         for name, player in (("random", random_player), ("script", scripted_player(table))):
             result = play(env, player, config.episodes, config.episode_length, config.seed)
@@ -123,4 +146,4 @@ def main(config: ScriptConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ScriptConfig, prog="python -m experiments.waterworld_script", description=__doc__))
+    sys.exit(main())

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 
+from t2tl_jax import checks
 from t2tl_jax.agent import Agent, Metrics, Params, repeated
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Memory, without_newest, without_oldest
@@ -72,9 +73,12 @@ class DQNConfig:
     """Treat the time limit as an end of the task instead of bootstrapping."""
 
     def __post_init__(self) -> None:
-        for name in ("num_envs", "steps_per_iteration", "updates_per_step", "batch_size", "target_period"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        checks.counts(self, "num_envs", "steps_per_iteration", "updates_per_step", "batch_size", "buffer_size")
+        checks.counts(self, "target_period")
+        checks.counts(self, "learning_starts", least=0)
+        checks.shares(self, "discount", "epsilon_start", "epsilon_end")
+        checks.positive(self, "max_gradient_norm")
+        checks.not_negative(self, "learning_rate")
         if max(self.batch_size, self.num_envs) > self.buffer_size:
             raise ValueError(
                 f"buffer_size must hold at least one batch and one step of all environments, got "

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 
+from t2tl_jax import checks
 from t2tl_jax.agent import Agent, EpisodeTotals, Metrics, Params, repeated
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
@@ -70,19 +71,15 @@ class PPOConfig:
     """Cut the very first episode of each environment at a random length, so that resets do not come in step."""
 
     def __post_init__(self) -> None:
+        checks.counts(self, "num_envs", "rollout_steps", "epochs", "minibatch_size", "batch_size")
+        checks.shares(self, "discount", "gae_lambda")
+        checks.positive(self, "adam_epsilon", "clip", "noise_decay", "max_gradient_norm")
+        checks.not_negative(self, "learning_rate", "value_coefficient", "entropy_coefficient", "noise_time")
         if self.batch_size % self.minibatch_size:
             raise ValueError(
                 f"minibatch_size must divide num_envs x rollout_steps = {self.num_envs} x {self.rollout_steps} = "
                 f"{self.batch_size}, got minibatch_size={self.minibatch_size}"
             )
-        if self.noise_time < 0 or not self.noise_decay > 0:
-            raise ValueError(
-                "noise_time must be 0 or more and noise_decay more than 0, "
-                f"got {self.noise_time} and {self.noise_decay}"
-            )
-        for name in ("discount", "gae_lambda"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} must lie between 0 and 1, got {getattr(self, name)}")
 
     @property
     def frames_per_iteration(self) -> int:

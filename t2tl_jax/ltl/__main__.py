@@ -37,7 +37,7 @@ class Arguments:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; return the exit code: 0, or 2 for a formula or word that cannot be used."""
+    """Run the command; return the exit code: 0, 2 for a formula or word that cannot be used, 130 after Ctrl-C."""
     arguments = tyro.cli(Arguments, args=argv, prog="python -m t2tl_jax.ltl", description=Arguments.__doc__)
     try:
         print(run(arguments), flush=True)
@@ -46,6 +46,9 @@ def main(argv: list[str] | None = None) -> int:
     except LTLError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:  # a large task takes its time
+        print("\nstopped", file=sys.stderr)
+        return 130
     return 0
 
 

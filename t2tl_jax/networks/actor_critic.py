@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from flax import linen as nn
 
+from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
 from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
@@ -36,6 +37,11 @@ class NetworkConfig(TaskEncoderConfig):
     """Squash observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as published."""
     context: ContextConfig | None = None
     """The Transformer that reads the last steps of the episode (T2TL); None for a policy without memory (T1TL)."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checks.sizes(self, "env_layers", "actor_layers", "critic_layers")
+        checks.not_negative(self, "mean_scale", "value_scale")
 
 
 def _mlp(x: jax.Array, sizes: tuple[int, ...], activation, name: str) -> jax.Array:

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from flax import linen as nn
 
+from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
 from t2tl_jax.networks.gru import GRUConfig
@@ -45,6 +46,8 @@ class QNetworkConfig(TaskEncoderConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        checks.sizes(self, "state_layers")
+        checks.counts(self, "task_layer")
         if self.context is not None and not self.context.aligned:
             raise ValueError("context.aligned=False is a mistake in PPO's order of samples; replay has no such order")
         if self.context is not None and not self.state_layers:

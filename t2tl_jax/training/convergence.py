@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from t2tl_jax import checks
+
 
 @dataclass(frozen=True)
 class ConvergenceConfig:
@@ -19,8 +21,8 @@ class ConvergenceConfig:
     """Improvements up to this much count as none. A return of 0 or less is never the end."""
 
     def __post_init__(self) -> None:
-        if self.window < 0 or self.delta < 0:
-            raise ValueError(f"window and delta must not be negative, got {self.window} and {self.delta}")
+        checks.counts(self, "window", least=0)
+        checks.not_negative(self, "delta")
 
 
 class Convergence:

@@ -1,6 +1,7 @@
 """Double DQN: counterfactual targets against a slow loop, schedules, replay, a probe that a correct learner solves."""
 
 import dataclasses
+import math
 from functools import partial
 
 import chex
@@ -221,7 +222,17 @@ def test_vmapped_seeds_equal_single_seeds(env):
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"), [({"batch_size": 5000}, "buffer_size"), ({"num_envs": 0}, "at least 1")]
+    ("changes", "message"),
+    [
+        ({"batch_size": 5000}, "buffer_size"),
+        ({"num_envs": 0}, "at least 1"),
+        ({"learning_starts": 10**10}, "learning_starts must be at most 2,147,483,647"),
+        ({"discount": math.nan}, "discount must lie between 0 and 1"),
+        ({"epsilon_start": 2.0}, "epsilon_start must lie between 0 and 1"),
+        ({"epsilon_end": math.nan}, "epsilon_end must lie between 0 and 1"),
+        ({"max_gradient_norm": 0.0}, "max_gradient_norm must be a finite number above 0"),
+        ({"learning_rate": -1e-4}, "learning_rate must be a finite number, 0 or more"),
+    ],
 )
 def test_impossible_settings_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):

@@ -1,6 +1,7 @@
 """PPO: replayed rollouts have ratio 1, tables give per-sample gradients, a probe is solved, seeds are independent."""
 
 import dataclasses
+import math
 from functools import partial
 
 import chex
@@ -204,7 +205,20 @@ def test_best_parameters_are_those_that_made_the_best_rollout(learner):
 
 @pytest.mark.parametrize(
     ("changes", "message"),
-    [({"minibatch_size": 60}, "must divide"), ({"gae_lambda": 1.5}, "between 0 and 1")],
+    [
+        ({"minibatch_size": 60}, "must divide"),
+        ({"minibatch_size": 0}, "minibatch_size must be at least 1"),
+        ({"minibatch_size": -64}, "minibatch_size must be at least 1"),
+        ({"num_envs": 0}, "num_envs must be at least 1"),
+        ({"rollout_steps": 0}, "rollout_steps must be at least 1"),
+        ({"num_envs": 2**20, "rollout_steps": 2**11}, "batch_size must be at most"),
+        ({"epochs": 0}, "epochs must be at least 1"),
+        ({"gae_lambda": 1.5}, "between 0 and 1"),
+        ({"learning_rate": math.nan}, "learning_rate must be a finite number, 0 or more, got nan"),
+        ({"max_gradient_norm": 0.0}, "max_gradient_norm must be a finite number above 0, got 0"),
+        ({"clip": -0.2}, "clip must be a finite number above 0"),
+        ({"noise_time": math.inf}, "noise_time must be a finite number, 0 or more"),
+    ],
 )
 def test_impossible_settings_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):

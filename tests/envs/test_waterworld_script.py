@@ -6,7 +6,7 @@ import pytest
 
 from envs.waterworld import WaterWorld, WaterWorldConfig
 from envs.waterworld_script import scripted_action
-from experiments.waterworld_script import ScriptConfig, colours_of_rows, main, play, random_player, scripted_player
+from experiments.waterworld_script import colours_of_rows, main, play, random_player, scripted_player
 from t2tl_jax.ltl import compile_tasks, named_task
 from t2tl_jax.task_env import TaskEnv
 
@@ -67,6 +67,24 @@ def test_it_beats_random_actions(task_env):
 
 @pytest.mark.slow
 def test_command_prints_a_table(capsys):
-    main(ScriptConfig(tasks=("phi_water", "F Pink"), episodes=2, episode_length=3))
+    assert main(["--tasks", "phi_water", "F Pink", "--episodes", "2", "--episode-length", "3"]) == 0
     printed = capsys.readouterr().out
     assert [line.split()[-5] for line in printed.splitlines()[2:]] == ["random", "script"] * 2
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--tasks", "phi_water", "phi_watr"], 'did you mean "phi_water"'),
+        (["--tasks", "rm_t1"], "rm_t1"),
+        (["--tasks", "F Teal"], 'unknown proposition "Teal"'),
+        (["--tasks"], "one or more names or formulas, got none"),
+        (["--episodes", "0"], "episodes must be at least 1, got 0"),
+        (["--radii", "15", "20"], "radii has 2 entries for 8 colours"),
+        (["--episode", "5"], "did you mean '--episodes'"),
+    ],
+)
+def test_mistakes_are_explained(flags, said, capsys):
+    assert main(flags) == 2
+    printed = capsys.readouterr()
+    assert printed.err.startswith("error: ") and said in printed.err and not printed.out

@@ -27,6 +27,8 @@ def run(tmp_path):
         (["--row", "0"], "no sub-task"),
         (["--seed", "3"], "no seed 3; its seeds: 0, 1"),
         (["--episodes", "0"], "--episodes must be at least 1"),
+        (["--output", "x.json"], "give a name that ends in .png, got x.json"),
+        (["--output", "x.tiff"], "give a name that ends in .png, got x.tiff"),
         (["--checkpoint", "last"], "did you mean 'latest'"),
         ([], "no complete checkpoint"),
     ],

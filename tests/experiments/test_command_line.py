@@ -85,6 +85,24 @@ def test_one_learner_with_its_networks(changes, said):
         dataclasses.replace(Config(), **changes)
 
 
+@pytest.mark.parametrize(
+    ("name", "changes", "counted"),
+    [
+        ("zone_ppo", {}, 1),  # iterations
+        ("zone_ppo", {"anneal_learning_rate": True}, 4 * 16),  # gradient steps
+        ("waterworld_dqn", {}, 500 * 16),  # steps of all environments
+        ("waterworld_dqn", {"updates_per_step": 20}, 500 * 20),  # gradient steps
+    ],
+)
+def test_the_longest_run_is_as_long_as_32_bits_can_count(name, changes, counted):
+    config = CONFIGS[name][0]
+    learner = dataclasses.replace(config.learner, **changes)
+    frames = (2**31 - 1) // counted * learner.frames_per_iteration
+    config = dataclasses.replace(config, frames=frames, **{"ppo" if config.dqn is None else "dqn": learner})
+    with pytest.raises(ValueError, match=f"frames must be at most {frames:,} with these settings"):
+        dataclasses.replace(config, frames=frames + 1)
+
+
 def test_files_from_before_there_were_several_kinds():
     config = config_files.load(Path(__file__).parents[2] / "results" / "zone_ppo_h200" / "config.json")
     assert config.env == ZoneConfig() and config.ppo == Config().ppo and config.dqn is None
@@ -105,6 +123,13 @@ def test_files_from_before_there_were_several_kinds():
         (["--config", "waterworld_dqn", "--dqn.buffer-size", "1"], "buffer_size must hold"),
         (["--config", "zone_ppo", "--frames", "2.5"], "whole number"),
         (["--config", "zone_ppo", "--frames", "0"], "error: frames must be at least 1, got 0"),
+        (["--config", "zone_ppo", "--frames", "1e15"], "error: frames must be at most 281,474,976,579,584 with these"),
+        (["--config", "waterworld_dqn", "--frames", "1e11"], "error: frames must be at most 2,147,480,000 with these"),
+        (["--config", "zone_ppo", "--episode-length", "1e10"], "episode_length must be at most 2,147,483,646, since"),
+        (["--config", "zone_ppo", "--ppo.num-envs", "0"], "error: ppo: num_envs must be at least 1, got 0"),
+        (["--config", "zone_ppo", "--ppo.learning-rate", "nan"], "error: ppo: learning_rate must be a finite number"),
+        (["--config", "zone_ppo", "--network.env-layers", "0"], "network: env_layers are sizes of layers"),
+        (["--config", "zone_ppo", "--run.checkpoint-period", "nan"], "checkpoint_period is in seconds"),
         (["--config", "zone_ppo", "--seeds", "a"], "seeds are a count"),
         (["--config", "zone_ppo", "--seeds", "1,1"], "once"),
         (["--config", "zone_ppo", "--ppo.minibatch-size", "1000"], "error: ppo: minibatch_size must divide"),

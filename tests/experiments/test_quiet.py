@@ -7,6 +7,8 @@ import pytest
 
 from experiments.quiet import NOISE, quiet_imports
 
+TOOLS = ("benchmark_env", "benchmark_ltl", "waterworld_script")
+
 
 def test_only_the_known_lines_are_dropped(capsys):
     with pytest.raises(ImportError), quiet_imports():
@@ -21,7 +23,7 @@ def test_only_the_known_lines_are_dropped(capsys):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "module",
-    [*(f"experiments.{name}" for name in ("run", "evaluate", "plot", "compare", "benchmark_env")), "t2tl_jax.ltl"],
+    [*(f"experiments.{name}" for name in ("run", "evaluate", "plot", "compare", *TOOLS)), "t2tl_jax.ltl"],
 )
 def test_help_starts_with_the_usage(module):
     done = subprocess.run([sys.executable, "-m", module, "--help"], capture_output=True, text=True, timeout=120)

@@ -1,6 +1,7 @@
 """Task encoders: the graph network against a walk over the tree, the recurrent one against a loop, codes of states."""
 
 import dataclasses
+import math
 from functools import partial
 
 import jax
@@ -154,6 +155,10 @@ def test_machines_have_codes_but_nothing_to_read():
     [
         (lambda: NetworkConfig(one_hot_size=0), "one_hot_size must be at least 1"),
         (lambda: RGCNConfig(layers=0), "at least 1"),
+        (lambda: NetworkConfig(env_layers=(64, 0)), r"env_layers are sizes of layers, each at least 1, got \(64, 0\)"),
+        (lambda: NetworkConfig(value_scale=math.nan), "value_scale must be a finite number"),
+        (lambda: QNetworkConfig(state_layers=(0,)), "state_layers are sizes"),
+        (lambda: QNetworkConfig(task_layer=0), "task_layer must be at least 1"),
         (lambda: GRUConfig(width=0), "at least 1"),
         (lambda: TransformerConfig(output=0), "at least 1"),
         (lambda: TransformerConfig(width=60), "heads must divide width"),

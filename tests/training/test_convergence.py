@@ -1,5 +1,7 @@
 """The end of training by convergence: of flat curves, of all seeds, and never of a curve at zero."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -56,6 +58,7 @@ def test_taking_up_again_equals_going_on():
     assert Convergence(CONFIG, 1, curve[None, :end]).reached
 
 
-def test_impossible_settings_are_refused():
-    with pytest.raises(ValueError, match="must not be negative"):
-        ConvergenceConfig(window=-1)
+@pytest.mark.parametrize("settings", [{"window": -1}, {"delta": -0.1}, {"delta": math.nan}])
+def test_impossible_settings_are_refused(settings):
+    with pytest.raises(ValueError, match=r"0 or more|at least 0"):
+        ConvergenceConfig(**settings)

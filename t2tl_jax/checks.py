@@ -1,0 +1,55 @@
+"""Checks of the numbers in a configuration: the error names the field, what it may be, and what it was.
+
+Every condition is one that NaN does not meet.
+"""
+
+import math
+
+COUNTER_LIMIT = 2**31 - 1
+"""The largest number to which the counters of a compiled program, int32, can count."""
+
+
+def counts(config: object, *names: str, least: int = 1, most: int = COUNTER_LIMIT) -> None:
+    """Fields that hold whole numbers from `least` to `most`, by default what a counter can hold.
+
+    Raises:
+        ValueError: for the first that does not; so do the other checks.
+    """
+    for name in names:
+        value = getattr(config, name)
+        if value < least:
+            raise ValueError(f"{name} must be at least {least}, got {value}")
+        if value > most:
+            raise ValueError(f"{name} must be at most {most:,}, since programs count in 32 bits, got {value:,}")
+
+
+def sizes(config: object, *names: str) -> None:
+    """Fields that hold the sizes of layers one after another: each at least 1. There may be none."""
+    for name in names:
+        value = getattr(config, name)
+        if not all(size >= 1 for size in value):
+            raise ValueError(f"{name} are sizes of layers, each at least 1, got {value}")
+
+
+def positive(config: object, *names: str) -> None:
+    """Fields that hold finite numbers above 0."""
+    for name in names:
+        value = getattr(config, name)
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name} must be a finite number above 0, got {value}")
+
+
+def not_negative(config: object, *names: str) -> None:
+    """Fields that hold finite numbers, 0 or more."""
+    for name in names:
+        value = getattr(config, name)
+        if not 0.0 <= value < math.inf:
+            raise ValueError(f"{name} must be a finite number, 0 or more, got {value}")
+
+
+def shares(config: object, *names: str) -> None:
+    """Fields that hold numbers from 0 to 1."""
+    for name in names:
+        value = getattr(config, name)
+        if not 0.0 <= value <= 1.0:
+            raise ValueError(f"{name} must lie between 0 and 1, got {value}")
