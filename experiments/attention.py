@@ -10,7 +10,7 @@ from typing import Any, Literal
 import tyro
 
 from experiments.errors import UserError, guarded
-from experiments.flags import parse
+from experiments.flags import check_picture, parse
 from experiments.quiet import quiet_imports
 
 
@@ -48,11 +48,7 @@ def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.attention", description=Arguments.__doc__)
     if arguments.episodes < 1:
         raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
-    if arguments.output is not None and arguments.output.suffix.lower() != ".png":
-        raise UserError(
-            f"--output is the picture, a PNG, and the numbers go beside it as .json: give a name that ends in .png, "
-            f"got {arguments.output}"
-        )
+    check_picture("--output", arguments.output)
     try:
         _read(arguments, build)
     except ValueError as error:  # from whoever noticed

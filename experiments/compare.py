@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 
 from experiments.errors import UserError, guarded
-from experiments.flags import parse
+from experiments.flags import check_picture, parse
 from experiments.quiet import quiet_imports
 
 SOLVED = 0.95
@@ -96,6 +96,7 @@ def _main(texts: list[str]) -> int:
         raise UserError("name one run or more, such as runs/zone_ppo/2026-01-31_12-00-00")
     if not 0 < arguments.last <= 1:
         raise UserError(f"--last is a share of the iterations above 0 and at most 1, got {arguments.last}")
+    check_picture("--figure", arguments.figure)
     runs = _each_once(arguments.runs)
     if arguments.pairs and len(runs) < 2:
         raise UserError("--pairs tests two runs or more against each other; name another run")

@@ -8,6 +8,7 @@ import dataclasses
 import io
 import re
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import tyro
@@ -57,6 +58,12 @@ def parse(
         raise _misspelt(arguments, known, prog) or _plain(complaints.getvalue(), kind.__name__) from None
     except ValueError as error:  # from the checks of the dataclasses
         raise UserError(str(error)) from error
+
+
+def check_picture(flag: str, file: Path | None) -> None:
+    """Raise a `UserError` unless the name given for a picture, if any, is one of a PNG, which is what is written."""
+    if file is not None and file.suffix.lower() != ".png":
+        raise UserError(f"{flag} is written as PNG: give a name that ends in .png, got {file}")
 
 
 def _options(part: Any, prefix: str = "--") -> Iterator[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import tyro
 
 from experiments.errors import UserError, guarded
-from experiments.flags import parse
+from experiments.flags import check_picture, parse
 from experiments.quiet import quiet_imports
 
 
@@ -31,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.plot", description=Arguments.__doc__)
+    check_picture("--output", arguments.output)
     with quiet_imports():
         from experiments import run_folder
         from experiments.published_curves import ZONE_CURVES

@@ -373,8 +373,8 @@ def make_dqn(
         totals = jax.tree.map(jnp.sum, ended)
         scalars = jax.tree.map(jnp.mean, scalars)
         scalars["epsilon"] = epsilon(config, first / total_steps)
-        if 1 < len(table.initial_row) <= MAX_TASKS_APART:
-            scalars |= by_task(ended, task, score, len(table.initial_row))
+        if 1 < table.num_tasks <= MAX_TASKS_APART:
+            scalars |= by_task(ended, task, score, table.num_tasks)
 
         # Episodes of an iteration are played by parameters between those before and after it; credit the former.
         best_params, best_score = keep_best(params_before, totals, state.best_params, state.best_score)

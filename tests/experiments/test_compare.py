@@ -113,4 +113,5 @@ def test_runs_are_tested_and_drawn(tmp_path, capsys):
     assert shown.count("p=") == 3 and "0.021 [0.004, 0.037]" in shown  # t2tl - gnn, as in docs/results.md
     assert figure.stat().st_size > 10_000
     assert main([runs[0], "--figure", str(tmp_path / "nowhere" / "x.png")]) == 2
+    assert main([runs[0], "--figure", str(tmp_path / "x.pdf")]) == 2 and not (tmp_path / "x.pdf").exists()
     assert "cannot write" in capsys.readouterr().err
