@@ -92,7 +92,9 @@ def _prepare(config: Config, build: Build) -> tuple[Experiment, Program, tuple[i
         if config.pretrained and not pretraining.is_auto(config):
             pretraining.open_fitting(config)
         elif config.pretrained:
-            build(pretraining.matching(config))
+            first = pretraining.matching(config)
+            pretraining.check_padding(first, config, "the pre-training on " + first.task)
+            build(first)
         experiment = build(config)
         if experiment.pools is not None and experiment.agent.renew is None:
             raise ValueError(
