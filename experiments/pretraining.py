@@ -36,6 +36,13 @@ def is_auto(config: Config) -> bool:
     return config.pretrained.partition(":")[0] == AUTO
 
 
+def located(config: Config) -> Config:
+    """The configuration with its pre-training run as an absolute path, which is the same from every directory."""
+    if not config.pretrained or is_auto(config):
+        return config
+    return replace(config, pretrained=str(Path(config.pretrained).expanduser().resolve()))
+
+
 def matching(config: Config) -> Config:
     """The configuration that pre-trains a task encoder for `config`: same encoder, same propositions, same seeds.
 

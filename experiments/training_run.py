@@ -39,6 +39,7 @@ def start(config: Config, name: str, build: Build, command: Sequence[str]) -> in
     Raises:
         UserError: for settings that cannot work.
     """
+    config = pretraining.located(config)
     with StopRequest() as stop:
         try:
             prepared = stop.call(lambda: _prepare(config, build), "while preparing")
@@ -78,7 +79,7 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
         print(f"frames {stored.frames:,} -> {config.frames:,}: schedules over the length of the run now end elsewhere")
     with run_folder.locked(folder), StopRequest() as stop:
         try:
-            prepared = stop.call(lambda: _prepare(config, build), "while preparing")
+            prepared = stop.call(lambda: _prepare(config, build, folder), "while preparing")
         except Interrupted:
             print("stopped; the run is as it was")
             return stop.leave(0)
@@ -86,15 +87,14 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
         return _train_or_hint(Run(folder, config, *prepared, stop, build, list(command)))
 
 
-def _prepare(config: Config, build: Build) -> tuple[Experiment, Program, tuple[int, ...]]:
+def _prepare(
+    config: Config, build: Build, folder: RunFolder | None = None
+) -> tuple[Experiment, Program, tuple[int, ...]]:
+    """Everything that can be checked of a configuration, and what it stands for; `folder` is that of a resumed run."""
     try:
         seeds = parse_seeds(config.seeds)
-        if config.pretrained and not pretraining.is_auto(config):
-            pretraining.open_fitting(config)
-        elif config.pretrained:
-            first = pretraining.matching(config)
-            pretraining.check_padding(first, config, "the pre-training on " + first.task)
-            build(first)
+        if config.pretrained and not (folder is not None and _has_checkpoint(folder)):
+            _check_pretraining(config, build)
         experiment = build(config)
         if experiment.pools is not None and experiment.agent.renew is None:
             raise ValueError(
@@ -104,6 +104,21 @@ def _prepare(config: Config, build: Build) -> tuple[Experiment, Program, tuple[i
         return experiment, trace(lambda seed: experiment.of_seed(seed)[1], seeds), seeds
     except (ValueError, TypeError) as error:
         raise UserError(str(error)) from error
+
+
+def _has_checkpoint(folder: RunFolder) -> bool:
+    with Checkpoints(folder.checkpoints) as checkpoints:
+        return checkpoints.latest_iteration() is not None
+
+
+def _check_pretraining(config: Config, build: Build) -> None:
+    """Only for a run that has not begun: afterwards its encoder lies in its own checkpoint."""
+    if not pretraining.is_auto(config):
+        pretraining.open_fitting(config)
+        return
+    first = pretraining.matching(config)
+    pretraining.check_padding(first, config, f"the pre-training on {first.task}")
+    build(first)
 
 
 def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
