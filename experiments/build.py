@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax
+import numpy as np
 
 from envs import registry
 from envs.base import LabelledEnv
@@ -13,7 +14,7 @@ from experiments.errors import UserError
 from t2tl_jax.agent import Agent
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.ppo import make_ppo
-from t2tl_jax.ltl import TaskTable, compile_named, compile_pool, is_family
+from t2tl_jax.ltl import AT_MOST_ONE, TaskTable, compile_named, compile_pool, is_family
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
@@ -83,11 +84,28 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     """Compile the task of a configuration for an environment; of a family, a pool to evaluate on.
 
     Raises:
-        ValueError: for an unknown task, a formula with mistakes, or one of other propositions.
+        ValueError: for an unknown task, a formula with mistakes, one of other propositions, or one that is decided
+            before the first step.
     """
     if is_family(config.task, env.propositions):
         return _pool(config, env, "evaluation")
-    return compile_named(config.task, env.propositions, env.alphabet, length=config.task_length or None)
+    table = compile_named(config.task, env.propositions, env.alphabet, length=config.task_length or None)
+    _check_open(config.task, table)
+    return table
+
+
+def _check_open(task: str, table: TaskTable) -> None:
+    """Refuse what every episode would end with at its first step, whatever the agent does."""
+    verdicts = np.asarray(table.verdict)[np.asarray(table.initial_row)]
+    if (verdicts > 0).any():
+        raise ValueError(f"{task} is true from the start, so there is nothing to learn; give another task")
+    if (verdicts < 0).any():
+        reason = ""
+        if table.alphabet == AT_MOST_ONE:
+            reason = f": at most one of {', '.join(table.propositions)} holds at a time in this environment"
+        raise ValueError(
+            f"{task} can never be satisfied{reason}; give a task that can, such as one goal after another, F(a & F b)"
+        )
 
 
 def make_pools(config: Config, env: LabelledEnv) -> Callable[[int], TaskTable] | None:
