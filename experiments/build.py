@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import jax
 import numpy as np
@@ -14,11 +15,14 @@ from experiments.errors import UserError
 from t2tl_jax.agent import Agent
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.ppo import make_ppo
-from t2tl_jax.ltl import AT_MOST_ONE, TaskTable, compile_named, compile_pool, is_family
+from t2tl_jax.ltl import AT_MOST_ONE, TaskTable, TooLargeError, compile_named, compile_pool, is_family
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.seeds import parse_seeds
+
+DRAWS_PER_POOL = 10
+"""How often a pool is drawn until its formulas fit into the table; after that, the first pool comes again."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +113,30 @@ def _check_open(task: str, table: TaskTable) -> None:
 
 
 def make_pools(config: Config, env: LabelledEnv) -> Callable[[int], TaskTable] | None:
-    """The pools that a family is trained on, by number; None for any other task."""
+    """The pools that a family is trained on, by number; None for any other task.
+
+    Asking for pool 0 raises ``TooLargeError`` where the caps are too small. Later pools always come: a run that could
+    begin does not end because of an unlucky draw.
+    """
     if not is_family(config.task, env.propositions):
         return None
-    return lambda number: _pool(config, env, str(number))
+
+    @cache
+    def first() -> TaskTable:
+        return _pool(config, env, "0")
+
+    def pool(number: int) -> TaskTable:
+        if number == 0:
+            return first()
+        # By the number alone, so that a resumed run meets the same pools.
+        for which in (str(number), *(f"{number} again {draw}" for draw in range(1, DRAWS_PER_POOL))):
+            try:
+                return _pool(config, env, which)
+            except TooLargeError:
+                continue
+        return first()
+
+    return pool
 
 
 def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
@@ -124,15 +148,18 @@ def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
     if config.task_length:
         raise ValueError(f"rows of a pool have pool.length={config.pool.length} tokens; leave task_length at 0")
     pool = config.pool
-    return compile_pool(
-        config.task.strip(),
-        env.propositions,
-        env.alphabet,
-        f"{pool.seed} {which}",
-        size=pool.size,
-        rows=pool.rows,
-        length=pool.length,
-    )
+    try:
+        return compile_pool(
+            config.task.strip(),
+            env.propositions,
+            env.alphabet,
+            f"{pool.seed} {which}",
+            size=pool.size,
+            rows=pool.rows,
+            length=pool.length,
+        )
+    except TooLargeError as error:
+        raise TooLargeError(f"{error}; the flags: --pool.length, --pool.rows, --pool.size") from error
 
 
 def _make_agent(config: Config, env: TaskEnv, iterations: int) -> Agent:

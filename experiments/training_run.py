@@ -93,7 +93,8 @@ def _prepare(
     """Everything that can be checked of a configuration, and what it stands for; `folder` is that of a resumed run."""
     try:
         seeds = parse_seeds(config.seeds)
-        if config.pretrained and not (folder is not None and _has_checkpoint(folder)):
+        resumed = folder is not None and _has_checkpoint(folder)
+        if config.pretrained and not resumed:
             _check_pretraining(config, build)
         experiment = build(config)
         if experiment.pools is not None and experiment.agent.renew is None:
@@ -101,6 +102,8 @@ def _prepare(
                 f"{config.task} is a family of random tasks, which change during training, and DQN's replay holds "
                 "steps of former tasks; train families with ppo, or DQN on a single task"
             )
+        if experiment.pools is not None and not resumed:
+            experiment.pools(0)  # too small caps end a run here or never
         return experiment, trace(lambda seed: experiment.of_seed(seed)[1], seeds), seeds
     except (ValueError, TypeError) as error:
         raise UserError(str(error)) from error
@@ -118,7 +121,9 @@ def _check_pretraining(config: Config, build: Build) -> None:
         return
     first = pretraining.matching(config)
     pretraining.check_padding(first, config, f"the pre-training on {first.task}")
-    build(first)
+    experiment = build(first)
+    if experiment.pools is not None:
+        experiment.pools(0)
 
 
 def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
