@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments import evaluation_run, pretraining, run_display, run_folder
+from experiments import evaluation_run, machine_files, pretraining, run_display, run_folder
 from experiments.build import Experiment
 from experiments.configs import Config
 from experiments.current_run import Build, Run, write_status
@@ -47,6 +47,7 @@ def start(config: Config, name: str, build: Build, command: Sequence[str]) -> in
             print("stopped; nothing had been written")
             return stop.leave(0)
         folder = run_folder.create(Path(config.run.folder), name, config, describe(list(command)))
+        config = machine_files.with_copy(config, folder.path)
         with run_folder.locked(folder):
             return _train_or_hint(Run(folder, config, *prepared, stop, build, list(command)))
 
@@ -130,7 +131,7 @@ def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
     versions = run_folder.read_json(folder.versions)
     versions.setdefault("resumed", []).append(describe(command))
     run_folder.write_json(folder.versions, versions)
-    run_folder.write_text(folder.config, run_folder.config_files.to_json(config))
+    run_folder.write_config(folder, config)
 
 
 def _train_or_hint(run: Run) -> int:
@@ -189,6 +190,7 @@ def _pretrained_encoder(run: Run) -> Any:
         try:
             prepared = run.stop.call(lambda: _prepare(stored, run.build), "while preparing")
             folder = run_folder.create_inside(run.folder, pretraining.FOLDER, stored, describe(run.command))
+            stored = machine_files.with_copy(stored, folder.path)
             inner = Run(folder, stored, *prepared, run.stop, run.build, run.command)
             if inner.earlier.get("state") != "finished":
                 with run_folder.locked(folder):
