@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import jax
+import numpy as np
 
 from envs import registry
 from envs.base import LabelledEnv
@@ -13,11 +15,14 @@ from experiments.errors import UserError
 from t2tl_jax.agent import Agent
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.ppo import make_ppo
-from t2tl_jax.ltl import TaskTable, compile_named, compile_pool, is_family
+from t2tl_jax.ltl import AT_MOST_ONE, TaskTable, TooLargeError, compile_named, compile_pool, is_family
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.seeds import parse_seeds
+
+DRAWS_PER_POOL = 10
+"""How often a pool is drawn until its formulas fit into the table; after that, the first pool comes again."""
 
 
 @dataclass(frozen=True)
@@ -83,18 +88,55 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     """Compile the task of a configuration for an environment; of a family, a pool to evaluate on.
 
     Raises:
-        ValueError: for an unknown task, a formula with mistakes, or one of other propositions.
+        ValueError: for an unknown task, a formula with mistakes, one of other propositions, or one that is decided
+            before the first step.
     """
     if is_family(config.task, env.propositions):
         return _pool(config, env, "evaluation")
-    return compile_named(config.task, env.propositions, env.alphabet, length=config.task_length or None)
+    table = compile_named(config.task, env.propositions, env.alphabet, length=config.task_length or None)
+    _check_open(config.task, table)
+    return table
+
+
+def _check_open(task: str, table: TaskTable) -> None:
+    """Refuse what every episode would end with at its first step, whatever the agent does."""
+    verdicts = np.asarray(table.verdict)[np.asarray(table.initial_row)]
+    if (verdicts > 0).any():
+        raise ValueError(f"{task} is true from the start, so there is nothing to learn; give another task")
+    if (verdicts < 0).any():
+        reason = ""
+        if table.alphabet == AT_MOST_ONE:
+            reason = f": at most one of {', '.join(table.propositions)} holds at a time in this environment"
+        raise ValueError(
+            f"{task} can never be satisfied{reason}; give a task that can, such as one goal after another, F(a & F b)"
+        )
 
 
 def make_pools(config: Config, env: LabelledEnv) -> Callable[[int], TaskTable] | None:
-    """The pools that a family is trained on, by number; None for any other task."""
+    """The pools that a family is trained on, by number; None for any other task.
+
+    Asking for pool 0 raises ``TooLargeError`` where the caps are too small. Later pools always come: a run that could
+    begin does not end because of an unlucky draw.
+    """
     if not is_family(config.task, env.propositions):
         return None
-    return lambda number: _pool(config, env, str(number))
+
+    @cache
+    def first() -> TaskTable:
+        return _pool(config, env, "0")
+
+    def pool(number: int) -> TaskTable:
+        if number == 0:
+            return first()
+        # By the number alone, so that a resumed run meets the same pools.
+        for which in (str(number), *(f"{number} again {draw}" for draw in range(1, DRAWS_PER_POOL))):
+            try:
+                return _pool(config, env, which)
+            except TooLargeError:
+                continue
+        return first()
+
+    return pool
 
 
 def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
@@ -106,15 +148,18 @@ def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
     if config.task_length:
         raise ValueError(f"rows of a pool have pool.length={config.pool.length} tokens; leave task_length at 0")
     pool = config.pool
-    return compile_pool(
-        config.task.strip(),
-        env.propositions,
-        env.alphabet,
-        f"{pool.seed} {which}",
-        size=pool.size,
-        rows=pool.rows,
-        length=pool.length,
-    )
+    try:
+        return compile_pool(
+            config.task.strip(),
+            env.propositions,
+            env.alphabet,
+            f"{pool.seed} {which}",
+            size=pool.size,
+            rows=pool.rows,
+            length=pool.length,
+        )
+    except TooLargeError as error:
+        raise TooLargeError(f"{error}; the flags: --pool.length, --pool.rows, --pool.size") from error
 
 
 def _make_agent(config: Config, env: TaskEnv, iterations: int) -> Agent:

@@ -77,6 +77,8 @@ def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
 
     Of another kind of environment, network or learner, its name and what departs from its defaults.
     """
+    from experiments.machine_files import same_task
+
     for field in dataclasses.fields(base):
         if prefix == "" and field.name == "run":
             continue
@@ -86,7 +88,7 @@ def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
                 yield f"{name}={type(b).__name__}"
                 a = type(b)()
             yield from differences(a, b, name + ".")
-        elif a != b:
+        elif a != b and not (name == "task" and same_task(a, b)):
             yield f"{name}={b}"
 
 

@@ -9,11 +9,12 @@ import numpy as np
 from envs import registry
 from envs.single_state import SingleStateConfig
 from experiments import run_folder, stored_params
-from experiments.build import Experiment
+from experiments.build import Experiment, make_table
 from experiments.compare import differences, ending
 from experiments.configs import PRETRAINING, Config
 from experiments.errors import UserError
 from experiments.run_folder import RunFolder
+from t2tl_jax.ltl import is_family
 from t2tl_jax.networks.task_encoders import TaskEncoderConfig
 from t2tl_jax.training import transfer
 from t2tl_jax.training.checkpoints import Checkpoints
@@ -36,14 +37,30 @@ def is_auto(config: Config) -> bool:
     return config.pretrained.partition(":")[0] == AUTO
 
 
+def located(config: Config) -> Config:
+    """The configuration with its pre-training run as an absolute path, which is the same from every directory."""
+    if not config.pretrained or is_auto(config):
+        return config
+    return replace(config, pretrained=str(Path(config.pretrained).expanduser().resolve()))
+
+
 def matching(config: Config) -> Config:
-    """The configuration that pre-trains a task encoder for `config`: same encoder, same propositions, same seeds."""
+    """The configuration that pre-trains a task encoder for `config`: same encoder, same propositions, same seeds.
+
+    An encoder that reads padding also gets as much of it, as far as `config` says how much.
+    """
     encoder = {field.name: getattr(config.network, field.name) for field in fields(TaskEncoderConfig)}
-    _, _, task = config.pretrained.partition(":")
+    propositions = _propositions(config)
+    _, _, named = config.pretrained.partition(":")
+    task = config.task if named == OWN else named or PRETRAINING.task
+    length = _set_length(config, propositions) if _reads_padding(config) else 0
+    random = is_family(task, propositions)
     return replace(
         PRETRAINING,
-        env=SingleStateConfig(_propositions(config)),
-        task=config.task if task == OWN else task or PRETRAINING.task,
+        env=SingleStateConfig(propositions),
+        task=task,
+        task_length=0 if random else length,
+        pool=replace(PRETRAINING.pool, length=length) if random and length else PRETRAINING.pool,
         network=replace(PRETRAINING.network, **encoder | {"freeze_task_encoder": False}),
         seeds=config.seeds,
         run=replace(config.run, gif=False),
@@ -75,6 +92,7 @@ def open_fitting(config: Config) -> tuple[RunFolder, Config]:
             f"the task encoder of {folder.path} reads formulas over {', '.join(theirs)}, in this order; "
             f"this environment has {', '.join(ours)}"
         )
+    check_padding(stored, config, str(folder.path))
     _seed_index(stored, config)
     with Checkpoints(folder.checkpoints) as checkpoints:
         if checkpoints.latest_iteration() is None:
@@ -83,6 +101,29 @@ def open_fitting(config: Config) -> tuple[RunFolder, Config]:
                 f"run with --resume {folder.path}, or give --pretrained auto to pre-train now"
             )
     return folder, stored
+
+
+def check_padding(first: Config, config: Config, source: str) -> None:
+    """Refuse an encoder that reads padding where there will be more or less of it than in its pre-training.
+
+    Args:
+        first: configuration of the pre-training.
+        config: of the run that goes on with the encoder.
+        source: what to call the pre-training in messages.
+
+    Raises:
+        UserError: says which flag makes the lengths equal.
+    """
+    if not _reads_padding(config):
+        return
+    theirs, ours = _row_length(first), _row_length(config)
+    if theirs != ours:
+        flag = "--pool.length" if is_family(config.task, _propositions(config)) else "--task-length"
+        raise UserError(
+            "a Transformer with network.transformer.masked=False reads the padding of its formulas too, so they need "
+            f"as many tokens here as in its pre-training: {theirs} in {source}, {ours} in this run; "
+            f"set {flag} {theirs}, or another length with --pretrained auto, which then pre-trains with that length too"
+        )
 
 
 def load(folder: RunFolder, stored: Config, experiment: Experiment, config: Config) -> Any:
@@ -149,6 +190,21 @@ def _mean(values: list[float | None], digits: int) -> str:
 
 def _propositions(config: Config) -> tuple[str, ...]:
     return tuple(registry.make(config.env).propositions)
+
+
+def _reads_padding(config: Config) -> bool:
+    return config.network.task_encoder == "transformer" and not config.network.transformer.masked
+
+
+def _set_length(config: Config, propositions: tuple[str, ...]) -> int:
+    """Tokens of a row as far as the configuration sets them; 0 where they are as many as the longest formula has."""
+    return config.pool.length if is_family(config.task, propositions) else config.task_length
+
+
+def _row_length(config: Config) -> int:
+    """Tokens of a row."""
+    env = registry.make(config.env)
+    return _set_length(config, tuple(env.propositions)) or make_table(config, env).tokens.shape[-1]
 
 
 def _seed_index(stored: Config, config: Config) -> np.ndarray:

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from experiments import config_files
+from experiments import config_files, machine_files
 from experiments.configs import Config
 from experiments.errors import UserError
 
@@ -33,9 +33,12 @@ class RunFolder:
 def create(base: Path, name: str, config: Config, versions: dict[str, Any]) -> RunFolder:
     """Make ``base/<name>/<time>`` with the resolved configuration and the versions. Never touches an existing folder.
 
+    A task from a file is copied; see ``machine_files.with_copy`` for the configuration that means the copy.
+
     Raises:
         UserError: if it cannot be written.
     """
+    machine = machine_files.read(config)
     stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
     parent = Path(base).expanduser() / name
     try:
@@ -47,7 +50,7 @@ def create(base: Path, name: str, config: Config, versions: dict[str, Any]) -> R
                 break
             except FileExistsError:
                 continue
-        return _begin(path, config, versions)
+        return _begin(path, config, machine, versions)
     except OSError as error:
         raise UserError(f"cannot create a run in {parent}: {error.strerror or error}; see --run.folder") from error
 
@@ -61,25 +64,34 @@ def create_inside(outer: RunFolder, name: str, config: Config, versions: dict[st
     path = outer.path / name
     if (path / "config.json").is_file():
         folder, stored = open_existing(path)
-        if replace(stored, run=config.run) != config:
+        same = machine_files.same_task(stored.task, config.task)
+        if not same or replace(stored, run=config.run, task=config.task) != config:
             raise UserError(f"{path} holds a run of another configuration; move it away")
         return folder
+    machine = machine_files.read(config)
     try:
         path.mkdir(exist_ok=True)
-        return _begin(path, config, versions)
+        return _begin(path, config, machine, versions)
     except OSError as error:
         raise UserError(f"cannot create a run in {path}: {error.strerror or error}") from error
 
 
-def _begin(path: Path, config: Config, versions: dict[str, Any]) -> RunFolder:
+def _begin(path: Path, config: Config, machine: dict[str, bytes], versions: dict[str, Any]) -> RunFolder:
     folder = RunFolder(path)
+    for name, content in machine.items():
+        (path / name).write_bytes(content)
     write_json(folder.versions, {"started": versions})
-    write_text(folder.config, config_files.to_json(config))
+    write_config(folder, config)
     return folder
 
 
+def write_config(folder: RunFolder, config: Config) -> None:
+    """Store the configuration of a run."""
+    write_text(folder.config, config_files.to_json(machine_files.as_stored(config, folder.path)))
+
+
 def open_existing(path: Path) -> tuple[RunFolder, Config]:
-    """The folder and the configuration of an earlier run.
+    """The folder and the configuration of an earlier run; its task is the run's own copy if it comes from a file.
 
     Raises:
         UserError: if it is not a run, with the runs that lie nearby, or if its configuration does not fit this version.
@@ -89,7 +101,7 @@ def open_existing(path: Path) -> tuple[RunFolder, Config]:
         raise UserError(f"there is no folder {path}{_runs_near(folder.path)}")
     if not folder.config.is_file():
         raise UserError(f"{path} is not a run: it has no {folder.config.name}{_runs_near(folder.path)}")
-    return folder, config_files.load(folder.config)
+    return folder, machine_files.with_copy(config_files.load(folder.config), folder.path)
 
 
 @contextmanager

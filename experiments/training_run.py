@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments import evaluation_run, pretraining, run_display, run_folder
+from experiments import evaluation_run, machine_files, pretraining, run_display, run_folder
 from experiments.build import Experiment
 from experiments.configs import Config
 from experiments.current_run import Build, Run, write_status
@@ -40,6 +40,7 @@ def start(config: Config, name: str, build: Build, command: Sequence[str]) -> in
     Raises:
         UserError: for settings that cannot work.
     """
+    config = pretraining.located(config)
     with StopRequest() as stop:
         try:
             prepared = stop.call(lambda: _prepare(config, build), "while preparing")
@@ -47,6 +48,7 @@ def start(config: Config, name: str, build: Build, command: Sequence[str]) -> in
             print("stopped; nothing had been written")
             return stop.leave(0)
         folder = run_folder.create(Path(config.run.folder), name, config, describe(list(command)))
+        config = machine_files.with_copy(config, folder.path)
         with run_folder.locked(folder):
             return _train_or_hint(Run(folder, config, *prepared, stop, build, list(command)))
 
@@ -79,7 +81,7 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
         print(f"frames {stored.frames:,} -> {config.frames:,}: schedules over the length of the run now end elsewhere")
     with run_folder.locked(folder), StopRequest() as stop:
         try:
-            prepared = stop.call(lambda: _prepare(config, build), "while preparing")
+            prepared = stop.call(lambda: _prepare(config, build, folder), "while preparing")
         except Interrupted:
             print("stopped; the run is as it was")
             return stop.leave(0)
@@ -87,29 +89,50 @@ def resume(path: Path, amend: Callable[[Config], Config], build: Build, command:
         return _train_or_hint(Run(folder, config, *prepared, stop, build, list(command)))
 
 
-def _prepare(config: Config, build: Build) -> tuple[Experiment, Program, tuple[int, ...]]:
+def _prepare(
+    config: Config, build: Build, folder: RunFolder | None = None
+) -> tuple[Experiment, Program, tuple[int, ...]]:
+    """Everything that can be checked of a configuration, and what it stands for; `folder` is that of a resumed run."""
     try:
         seeds = parse_seeds(config.seeds)
-        if config.pretrained and not pretraining.is_auto(config):
-            pretraining.open_fitting(config)
-        elif config.pretrained:
-            build(pretraining.matching(config))
+        resumed = folder is not None and _has_checkpoint(folder)
+        if config.pretrained and not resumed:
+            _check_pretraining(config, build)
         experiment = build(config)
         if experiment.pools is not None and experiment.agent.renew is None:
             raise ValueError(
                 f"{config.task} is a family of random tasks, which change during training, and DQN's replay holds "
                 "steps of former tasks; train families with ppo, or DQN on a single task"
             )
+        if experiment.pools is not None and not resumed:
+            experiment.pools(0)  # too small caps end a run here or never
         return experiment, trace(lambda seed: experiment.of_seed(seed)[1], seeds), seeds
     except (ValueError, TypeError) as error:
         raise UserError(str(error)) from error
+
+
+def _has_checkpoint(folder: RunFolder) -> bool:
+    with Checkpoints(folder.checkpoints) as checkpoints:
+        return checkpoints.latest_iteration() is not None
+
+
+def _check_pretraining(config: Config, build: Build) -> None:
+    """Only for a run that has not begun: afterwards its encoder lies in its own checkpoint."""
+    if not pretraining.is_auto(config):
+        pretraining.open_fitting(config)
+        return
+    first = pretraining.matching(config)
+    pretraining.check_padding(first, config, f"the pre-training on {first.task}")
+    experiment = build(first)
+    if experiment.pools is not None:
+        experiment.pools(0)
 
 
 def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
     versions = run_folder.read_json(folder.versions)
     versions.setdefault("resumed", []).append(describe(command))
     run_folder.write_json(folder.versions, versions)
-    run_folder.write_text(folder.config, run_folder.config_files.to_json(config))
+    run_folder.write_config(folder, config)
 
 
 def _train_or_hint(run: Run) -> int:
@@ -175,6 +198,7 @@ def _pretrained_encoder(run: Run) -> Any:
         try:
             prepared = run.stop.call(lambda: _prepare(stored, run.build), "while preparing")
             folder = run_folder.create_inside(run.folder, pretraining.FOLDER, stored, describe(run.command))
+            stored = machine_files.with_copy(stored, folder.path)
             inner = Run(folder, stored, *prepared, run.stop, run.build, run.command)
             if inner.earlier.get("state") != "finished":
                 with run_folder.locked(folder):

@@ -116,6 +116,11 @@ def read_machine(path: str | Path) -> RewardMachine:
         raise UnknownTaskError(f"cannot read the reward machine {path}: {error}") from None
 
 
+def is_machine_file(text: str) -> bool:
+    """Whether a task is named by the path of a reward machine's file."""
+    return text.strip().endswith(".rm")
+
+
 def resolve(text: str) -> Formula | tuple[RewardMachine, ...]:
     """Return the formula or the reward machines that a text stands for.
 
@@ -128,7 +133,7 @@ def resolve(text: str) -> Formula | tuple[RewardMachine, ...]:
         LTLError: as the formula or the machine deserves.
     """
     word = text.strip()
-    if word.endswith(".rm"):
+    if is_machine_file(word):
         return (read_machine(word),)
     if word.startswith("rm_") and word.isidentifier():
         return named_machines(word)

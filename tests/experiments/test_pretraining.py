@@ -44,6 +44,10 @@ def command(tmp_path):
     return train
 
 
+UNMASKED = NetworkConfig(transformer=TransformerConfig(masked=False))
+"""The Transformer reads padding as well."""
+
+
 def encoder_of(folder: Path, which="best"):
     opened, config = run_folder.open_existing(folder)
     return stored_params.restore(opened, config, build(config), which)[1]["params"]["task_encoder"]
@@ -116,6 +120,9 @@ def stored(tmp_path):
         ({}, {"network": NetworkConfig(transformer=TransformerConfig(layers=2))}, "network.transformer.layers=2"),
         ({"env": SingleStateConfig(("a", "b"))}, {}, "over a, b, in this order; this environment has Black, White"),
         ({"seeds": "2"}, {"seeds": "3"}, "holds seeds 0, 1 and not 2"),
+        ({"network": UNMASKED}, {"network": UNMASKED}, r"40 in .*pretrain_zone.*, 8 in this run; set --task-length 40"),
+        ({"network": UNMASKED}, {"network": UNMASKED, "task_length": 40}, "no complete checkpoint"),
+        ({"network": UNMASKED}, {"network": UNMASKED, "task": "Sequence_2_3"}, "48 in this run; set --pool.length 40"),
     ],
 )
 def test_encoders_that_do_not_fit_are_refused_before_anything_is_traced(stored, pretrained, later, said):
@@ -146,6 +153,25 @@ def test_the_matching_pretraining_has_the_same_encoder_and_propositions(name):
     assert pretraining.matching(dataclasses.replace(later, pretrained="auto:phi_zone")).task == "phi_zone"
     assert pretraining.matching(dataclasses.replace(later, pretrained="auto:own", task="F Red")).task == "F Red"
     assert not first.network.freeze_task_encoder  # whatever `later` does with what comes of it
+
+
+def test_an_encoder_that_reads_padding_is_pretrained_on_as_much_of_it():
+    published = CONFIGS["zone_ppo_published"][0]
+    assert published.task_length == 25
+    first = pretraining.matching(published)
+    assert (first.task, first.task_length, first.pool) == ("phi_zone", 25, PRETRAINING.pool)
+    on_a_family = pretraining.matching(dataclasses.replace(published, pretrained="auto"))
+    assert (on_a_family.task_length, on_a_family.pool.length) == (0, 25)
+    for config in (published, dataclasses.replace(published, task="Sequence_2_3", task_length=0)):
+        pretraining.check_padding(pretraining.matching(config), config, "its pre-training")
+    masked = dataclasses.replace(published, network=NetworkConfig())
+    assert pretraining.matching(masked).task_length == 0  # the length matters to nobody, and may be too small there
+
+
+def test_a_pretraining_of_its_own_with_other_padding_is_refused():
+    config = Config(network=UNMASKED, pretrained="auto")
+    with pytest.raises(UserError, match="40 in the pre-training on Eventually_1_5_1_4, 8 in this run"):
+        training_run._prepare(config, lambda config: None)
 
 
 def test_a_frozen_encoder_has_to_be_pretrained():

@@ -1,0 +1,69 @@
+"""Runs that start with a pre-trained encoder need it once: whatever becomes of its run later, they can be resumed."""
+
+import dataclasses
+import shutil
+
+import fake_learner
+import pytest
+
+from envs.single_state import SingleStateConfig
+from experiments import attention, pretraining, run, run_folder
+from experiments.configs import PRETRAINING
+from t2tl_jax.training.convergence import ConvergenceConfig
+
+NO_EVALUATION = ("--run.evaluation-episodes", "0")
+
+
+@pytest.fixture
+def source(train, tmp_path, monkeypatch):
+    """A finished run whose task encoder others can start with, named relative to the current directory."""
+    monkeypatch.chdir(tmp_path)
+    return train("--frames", "200", *NO_EVALUATION).relative_to(tmp_path)
+
+
+def test_a_run_goes_on_from_elsewhere_and_without_its_pretraining_run(
+    train, resume, read_json, source, tmp_path, monkeypatch, capsys
+):
+    folder = train("--frames", "200", *NO_EVALUATION, "--pretrained", str(source))
+    assert read_json(folder / "config.json")["pretrained"] == str(tmp_path / source)
+    summary = read_json(folder / "status.json")["pretraining"]
+    assert summary["task"] == "phi_zone" and summary["frames_per_seed"] == 200
+
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    begun_anew = shutil.copytree(folder, tmp_path / "begun_anew", ignore=shutil.ignore_patterns("checkpoints"))
+    assert resume(begun_anew) == 0
+    assert (begun_anew / "metrics.csv").read_bytes() == (folder / "metrics.csv").read_bytes()
+
+    shutil.rmtree(tmp_path / source)
+    assert resume(folder, "--frames", "400") == 0
+    status = read_json(folder / "status.json")
+    assert status["iteration"] == 4 and status["pretraining"] == summary
+    shutil.rmtree(begun_anew / "checkpoints")
+    capsys.readouterr()
+    assert resume(begun_anew) == 2
+    assert f"there is no folder {tmp_path / source}" in capsys.readouterr().err
+
+
+def test_the_start_of_a_run_whose_pretraining_run_is_gone_is_not_drawn(train, source, tmp_path, capsys):
+    path = train("--frames", "200", *NO_EVALUATION, "--pretrained", str(source))
+    shutil.rmtree(tmp_path / source)
+    folder, config = run_folder.open_existing(path)
+    origin, params = attention._start(folder, config, 0, {"params": {}}, fake_learner.build)
+    assert origin.startswith("new network") and params == {"params": {}}
+    assert "cannot be read: there is no folder" in capsys.readouterr().out
+
+
+def test_a_run_with_a_checkpoint_does_not_prepare_its_own_pretraining_again(train, read_json, monkeypatch):
+    small = dataclasses.replace(PRETRAINING, frames=200, convergence=ConvergenceConfig())
+    monkeypatch.setattr(pretraining, "PRETRAINING", small)
+    folder = train("--frames", "200", *NO_EVALUATION, "--pretrained", "auto")
+    assert read_json(folder / "config.json")["pretrained"] == "auto"
+    summary = read_json(folder / "status.json")["pretraining"]
+
+    def build(config):
+        assert not isinstance(config.env, SingleStateConfig), "there is nothing to pre-train"
+        return fake_learner.build(config)
+
+    assert run.main(["--resume", str(folder), "--frames", "300"], build=build) == 0
+    assert read_json(folder / "status.json")["pretraining"] == summary

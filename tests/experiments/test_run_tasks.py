@@ -1,0 +1,41 @@
+"""Tasks that a run can be trained on: not those that are decided from the start."""
+
+import dataclasses
+
+import pytest
+
+from envs import registry
+from experiments import evaluate, run
+from experiments.build import make_table
+from experiments.configs import CONFIGS
+from t2tl_jax.ltl import PAPER_TASKS
+
+
+@pytest.mark.parametrize(
+    ("name", "task", "said"),
+    [
+        ("zone_ppo_closed_form", "F(Red & Black)", "at most one of Black, White, Red, Yellow holds at a time"),
+        ("waterworld_dqn", "F(Blue & !Blue)", "F(Blue & !Blue) can never be satisfied; give a task that can"),
+        ("waterworld_dqn", "F Blue | True", "F Blue | True is true from the start"),
+        ("pretrain_zone", "F(Red & Black)", "can never be satisfied: at most one of"),
+    ],
+)
+def test_tasks_that_are_decided_from_the_start_are_refused(name, task, said, capsys, tmp_path):
+    flags = ["--config", name, "--run.folder", str(tmp_path / "runs"), "--run.compilation-cache", ""]
+    assert run.main([*flags, "--pretrained", "", "--network.freeze-task-encoder", "False", "--task", task]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
+
+
+def test_evaluation_refuses_them_too(finished, capsys):
+    assert evaluate.main([str(finished), "--task", "F(Red & Black)"]) == 2
+    assert "F(Red & Black) can never be satisfied: at most one of" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "config"), [(name, config) for name, (config, _) in CONFIGS.items()])
+def test_named_tasks_are_open(name, config):
+    water = "water" in name
+    named = [task for task in PAPER_TASKS if task.startswith("phi_water") == water and not name.startswith("rm")]
+    for task in (config.task, *named):
+        table = make_table(dataclasses.replace(config, task=task, task_length=0), registry.make(config.env))
+        assert not table.verdict[table.initial_row].any()
