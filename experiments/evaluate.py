@@ -73,7 +73,7 @@ def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
     experiment = (build or default_build)(config)
     iteration, params = stored_params.restore(folder, config, experiment, arguments.checkpoint)
     params = place(params, seed_sharding(len(parse_seeds(config.seeds))))
-    what = evaluation_run.settings(config, arguments.checkpoint, iteration, arguments.episodes)
+    what = evaluation_run.settings(folder, config, arguments.checkpoint, iteration, arguments.episodes)
     print("  ".join(f"{name}: {value}" for name, value in what.items()), flush=True)
     if config.task != stored.task and config.network.task_encoder == "one_hot":
         print("note: a one-hot code does not carry over to another task; its rows now mean other sub-tasks")

@@ -5,6 +5,7 @@ from typing import Any
 import jax
 
 from envs.zones import ZoneConfig
+from experiments import machine_files
 from experiments.build import Experiment
 from experiments.configs import Config
 from experiments.errors import UserError
@@ -22,10 +23,10 @@ Settings = dict[str, str | int]
 """What an evaluation was of; two results with equal settings replace each other."""
 
 
-def settings(config: Config, checkpoint: str, iteration: int, episodes: int) -> Settings:
-    """Everything that tells one evaluation of a run from another."""
+def settings(folder: RunFolder, config: Config, checkpoint: str, iteration: int, episodes: int) -> Settings:
+    """Everything that tells one evaluation of a run from another, wherever its folder is moved."""
     return {
-        "task": config.task,
+        "task": machine_files.name_of(config.task, folder.path),
         **({"physics": config.env.physics} if isinstance(config.env, ZoneConfig) else {}),
         "checkpoint": checkpoint,
         "iteration": iteration,

@@ -35,6 +35,12 @@ def as_stored(config: Config, folder: Path) -> Config:
     return config if copy is None else replace(config, task=copy.name)
 
 
+def name_of(task: str, folder: Path) -> str:
+    """The task, or only the name of the file if it is the copy in this folder of a run."""
+    path = Path(task.strip())
+    return path.name if is_machine_file(task) and path.parent == folder.resolve() else task
+
+
 def same_task(one: str, other: str) -> bool:
     """Whether two tasks are the same; files of reward machines are if they have the same name and content."""
     if one == other or not (is_machine_file(one) and is_machine_file(other)):

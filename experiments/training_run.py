@@ -315,7 +315,8 @@ def _evaluate(run: Run, params: Any, iteration: int) -> None:
     reports = evaluation_run.evaluate(run.experiment, run.config, params, episodes)
     print(report.table(reports), flush=True)
     with _noted("the evaluation is not stored"):
-        evaluation_run.store(run.folder, evaluation_run.settings(run.config, "best", iteration, episodes), reports)
+        what = evaluation_run.settings(run.folder, run.config, "best", iteration, episodes)
+        evaluation_run.store(run.folder, what, reports)
 
 
 def _draw(run: Run, params: Any) -> None:

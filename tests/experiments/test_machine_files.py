@@ -54,6 +54,8 @@ def test_later_changes_of_the_file_are_changes_of_no_run(train, machine, met, re
     # Whoever asks for the changed file gets it.
     assert evaluate.main([str(moved), "--episodes", "4", "--task", str(machine)], build=build) == 0
     assert texts[-1] == OTHER
+    tasks = [entry["settings"]["task"] for entry in read_json(moved / "evaluation.json")["evaluations"]]
+    assert tasks == ["mine.rm", str(machine)]
 
 
 def test_the_copy_is_what_gets_compiled(machine, tmp_path):
