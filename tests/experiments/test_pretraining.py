@@ -35,8 +35,7 @@ def command(tmp_path):
     known: set[Path] = set()
 
     def train(*flags: str) -> Path:
-        cache = ("--run.folder", str(tmp_path / "runs"), "--run.compilation-cache", str(tmp_path / "xla"))
-        assert pretrain.main(["--config", "zone", *SMALL, *cache, *flags]) == 0
+        assert pretrain.main(["--config", "zone", *SMALL, "--run.folder", str(tmp_path / "runs"), *flags]) == 0
         (new,) = set((tmp_path / "runs" / "pretrain_zone").iterdir()) - known
         known.add(new)
         return new

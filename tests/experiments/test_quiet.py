@@ -7,7 +7,7 @@ import pytest
 
 from experiments.quiet import NOISE, quiet_imports
 
-TOOLS = ("benchmark_env", "benchmark_ltl", "waterworld_script")
+TOOLS = ("benchmark_env", "benchmark_ltl")
 
 
 def test_only_the_known_lines_are_dropped(capsys):

@@ -89,15 +89,21 @@ def test_configs_train_one_iteration(name, method):
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(state.params))
 
 
-def test_vmapped_seeds_equal_single_seeds():
+def one_step_of_ppo():
+    """A learner whose seeds can be compared.
+
+    One step of physics, since the robot's yaw servo is unstable, so that rounding (1e-5 in velocity after one step)
+    grows to 1e-3 in position within eight. And Adam divides by the size of a gradient: with its usual epsilon, one that
+    is zero but for rounding moves a parameter by a whole learning rate. What remains is the learner itself.
+    """
     config = reduced("zone_ppo_closed_form", "dfa")  # other networks in `tests/agents`
-    # One step of physics only: the robot's yaw servo is unstable, so that rounding (1e-5 in velocity after one step)
-    # grows to 1e-3 in position within eight. And Adam divides by the size of a gradient: with its usual epsilon, one
-    # that is zero but for rounding moves a parameter by a whole learning rate. What remains is the learner itself.
     ppo = dataclasses.replace(config.ppo, num_envs=16, rollout_steps=1, minibatch_size=8, epochs=2, adam_epsilon=1e-2)
-    config = dataclasses.replace(config, ppo=ppo)
-    many, _ = iterate_once(config, (0, 3, 7))
-    single, _ = iterate_once(config, (3,))
+    return dataclasses.replace(config, ppo=ppo)
+
+
+def test_vmapped_seeds_equal_single_seeds():
+    many, _ = iterate_once(one_step_of_ppo(), (0, 3, 7))
+    single, _ = iterate_once(one_step_of_ppo(), (3,))
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a[1], b[0], rtol=0, atol=1e-6), many.params, single.params)
 
 
@@ -111,13 +117,13 @@ def bits(state):
     return jax.tree.map(plain, state)
 
 
-@pytest.mark.parametrize(("name", "method"), [("zone_ppo_closed_form", "dfa"), ("waterworld_dqn", "rm")])
-def test_a_checkpoint_holds_everything(name, method, tmp_path):
+@pytest.mark.parametrize("config", [one_step_of_ppo(), reduced("waterworld_dqn", "rm")], ids=["ppo", "dqn"])
+def test_a_checkpoint_holds_everything(config, tmp_path):
     """Also the replay buffer, which the second iteration of DQN wraps around, the exploration noise and the schedules.
 
     Of windows see `tests/agents/test_ppo_context.py`.
     """
-    program = trace(build(reduced(name, method)).agent, (0, 1))
+    program = trace(build(config).agent, (0, 3, 7))  # compiled for the test of seeds too
     iterate = program.lowered_iterate.compile()
     state, _ = iterate(program.lowered_init.compile()(program.keys))
     with Checkpoints(tmp_path) as checkpoints:
@@ -135,7 +141,7 @@ def test_train_resume_evaluate_draw(name, tmp_path):
     def train(folder: str, frames: str, episodes: str, gif: str):
         flags = ["--config", name, "--run.folder", str(tmp_path / folder), "--frames", frames, *SMALL]
         flags += [*SMALL_LEARNER[name], "--seeds", "2", "--run.evaluation-episodes", episodes, "--run.gif", gif]
-        assert run.main([*flags, "--run.compilation-cache", str(tmp_path / "xla")]) == 0
+        assert run.main(flags) == 0
         (made,) = (tmp_path / folder / name).iterdir()
         return made
 

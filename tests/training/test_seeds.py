@@ -35,7 +35,7 @@ def test_seeds_over_four_devices_give_the_same_numbers():
     program = """
 import sys; sys.path.append("tests/experiments")
 import jax, numpy as np
-from fake_learner import make_agent
+from fake_agent import make_agent
 from t2tl_jax.training.program import trace
 from t2tl_jax.training.seeds import seed_sharding
 def weights(seeds, devices):
