@@ -15,19 +15,17 @@ HERE = Path(__file__).parent
 
 
 def start(folder: Path, frames: str, pretrained: str = "", **delays: str) -> subprocess.Popen:
-    command = [
-        sys.executable,
-        str(HERE / "fake_learner.py"),
-        "--config",
-        "zone_ppo",
-        "--run.folder",
-        str(folder),
-        "--pretrained",
-        pretrained,
-    ]
-    command += ["--frames", frames, "--run.compilation-cache", "", "--episode-length", "5"]
+    flags = ["--config", "zone_ppo", "--run.folder", str(folder), "--pretrained", pretrained, "--frames", frames]
+    return command(*flags, "--run.compilation-cache", "", "--episode-length", "5", **delays)
+
+
+def go_on(run: Path, **delays: str) -> subprocess.Popen:
+    return command("--resume", str(run), **delays)
+
+
+def command(*flags: str, **delays: str) -> subprocess.Popen:
     return subprocess.Popen(
-        command,
+        [sys.executable, str(HERE / "fake_learner.py"), *flags],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -56,7 +54,7 @@ def iterations(folder: Path) -> int:
     return len(metrics.read_text().splitlines()) - 1
 
 
-def test_stop_during_training_saves_and_resumes(tmp_path, resume, train):
+def test_stop_during_training_saves_and_resumes_and_during_evaluation_keeps_the_training(tmp_path, train):
     process = start(tmp_path, "1500", FAKE_SECONDS="0.2")
     read_until(process, "training:")
     time.sleep(0.5)
@@ -68,25 +66,37 @@ def test_stop_during_training_saves_and_resumes(tmp_path, resume, train):
     assert 0 < done < 15
     (run,) = (tmp_path / "zone_ppo").iterdir()
     assert (run / "learning_curve.png").exists()
-    assert resume(run, "--run.progress", "False", "--run.evaluation-episodes", "0") == 0
+
+    process = go_on(run, FAKE_EVALUATION_SECONDS="30")
+    read_until(process, "evaluating")
+    process.send_signal(signal.SIGTERM)
+    output = finish(process)
+    assert process.returncode == 0, output
+    assert "stopped while evaluating, with training complete; continue with --resume" in output
     whole = train("--frames", "1500", "--run.evaluation-episodes", "0")
     assert (run / "metrics.csv").read_bytes() == (whole / "metrics.csv").read_bytes()
 
 
-@pytest.mark.parametrize("moment", ["/pretraining\n", "training:"])  # about to compile, and at work
-def test_stop_during_automatic_pretraining_gives_one_hint_which_works(tmp_path, resume, read_json, moment):
+def test_stop_during_automatic_pretraining_gives_one_hint_which_works(tmp_path, resume, read_json):
+    """Before it compiles, and after it has been resumed and is at work."""
     process = start(tmp_path, "300", pretrained="auto", FAKE_SECONDS="0.05")
-    seen = read_until(process, moment)
-    process.send_signal(signal.SIGINT)
-    output = seen + finish(process)
-    assert process.returncode == 0, output
+    stop_in_pretraining(process, tmp_path, "/pretraining\n")
     (run,) = (tmp_path / "zone_ppo").iterdir()
-    assert "stopped during pre-training" in output
-    assert output.count("--resume") == 1 and f"continue with --resume {run}\n" in output
+    stop_in_pretraining(go_on(run, FAKE_SECONDS="0.05"), tmp_path, "training:")
     assert resume(run, "--run.progress", "False", "--run.evaluation-episodes", "0") == 0
     assert read_json(run / "status.json")["iteration"] == 3
     assert read_json(run / "status.json")["pretraining"]["frames_per_seed"] > 0
     assert read_json(run / "pretraining" / "status.json")["state"] == "finished"
+
+
+def stop_in_pretraining(process: subprocess.Popen, base: Path, moment: str) -> None:
+    seen = read_until(process, moment)
+    process.send_signal(signal.SIGINT)
+    output = seen + finish(process)
+    assert process.returncode == 0, output
+    (run,) = (base / "zone_ppo").iterdir()
+    assert "stopped during pre-training" in output
+    assert output.count("--resume") == 1 and f"continue with --resume {run}\n" in output
 
 
 def test_stop_while_preparing_writes_nothing(tmp_path):
@@ -95,13 +105,3 @@ def test_stop_while_preparing_writes_nothing(tmp_path):
     process.send_signal(signal.SIGINT)
     finish(process)
     assert not list(tmp_path.iterdir())
-
-
-def test_stop_during_evaluation_keeps_the_training(tmp_path):
-    process = start(tmp_path, "300", FAKE_EVALUATION_SECONDS="30")
-    read_until(process, "evaluating")
-    process.send_signal(signal.SIGTERM)
-    output = finish(process)
-    assert process.returncode == 0, output
-    assert "stopped while evaluating, with training complete; continue with --resume" in output
-    assert iterations(tmp_path) == 3
