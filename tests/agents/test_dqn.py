@@ -131,6 +131,7 @@ def test_codes_of_all_encoders_are_of_the_same_length_to_the_bilinear_head(env):
         np.testing.assert_array_equal(codes[:, -1], 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("head", ["film", "bilinear"])
 def test_one_row_at_a_time_equals_every_row(env, head):
     network, obs = QNetwork(dataclasses.replace(NETWORK, head=head), 3), jax.random.normal(jax.random.key(0), (5, 3))

@@ -44,9 +44,8 @@ def learner(env):
     return agent, jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
 
 
-@pytest.mark.parametrize(
-    ("network", "noise_time"), [(ONE_HOT, 20.0), pytest.param(NETWORK, 0.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("network", "noise_time"), [(ONE_HOT, 20.0), (NETWORK, 0.0)])
 def test_replaying_a_stored_rollout_gives_probability_ratio_one(env, network, noise_time):
     """One epoch of one minibatch with a vanishing learning rate: the update sees what the rollout did."""
     agent = make(env, network=network, noise_time=noise_time, epochs=1, minibatch_size=256, learning_rate=0.0)

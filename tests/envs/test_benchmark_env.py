@@ -20,6 +20,7 @@ def test_benchmark_reports_every_combination(tmp_path):
     assert written["config"]["steps"] == 5 and written["results"] == results
 
 
+@pytest.mark.slow
 def test_benchmark_measures_waterworld(capsys):
     assert main(["--env", "waterworld", "--num-envs", "4", "--steps", "5", "--repeats", "2"]) == 0
     physics, num_envs, _, speed, _, _ = capsys.readouterr().out.splitlines()[-1].split()

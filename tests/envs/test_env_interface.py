@@ -80,6 +80,7 @@ def test_scan_is_stable_and_deterministic(drive):
     jax.tree.map(np.testing.assert_array_equal, first, again)
 
 
+@pytest.mark.slow
 def test_typed_and_legacy_keys_give_the_same_reset(random_env):
     typed, legacy = random_env.reset(jax.random.key(5)), random_env.reset(jax.random.PRNGKey(5))
     other = random_env.reset(jax.random.key(6))

@@ -62,6 +62,7 @@ def test_random_starts_keep_their_distances(pool_size, large):
     assert not state.contact.any() and not state.agent_velocity.any()
 
 
+@pytest.mark.slow
 def test_drawn_maps_are_distributed_like_numbered_ones():
     """Means and spreads over many maps, for the first and the last ball, which the earlier ones push around."""
     drawn = starts_of(WaterWorld(WaterWorldConfig(layout="random", pool_size=0)), 4096).pipeline_state

@@ -18,6 +18,7 @@ def pairwise(points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points[:, :, None] - points[:, None], axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("num_zones", [1, 8, 11])
 def test_random_layouts_keep_every_distance(num_zones):
     layouts = zone_layouts.sample_layouts(num_zones, pool_size=1000, seed=0)
@@ -37,6 +38,7 @@ def test_random_layouts_cover_their_rectangles():
     assert len(np.unique(layouts.robots, axis=0)) == 4000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("num_zones", "probability"), [(8, 0.97), (10, 0.53), (11, 0.19)])
 def test_success_probability_is_the_published_one(num_zones, probability):
     succeeded = zone_layouts._attempt_layouts(np.random.default_rng(0), num_zones, 3000)

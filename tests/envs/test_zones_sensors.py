@@ -75,6 +75,7 @@ def test_labels_include_the_boundary(closed_form_env, direction):
     assert not closed_form_env.labels(off).any()
 
 
+@pytest.mark.slow
 def test_at_most_one_label_anywhere(closed_form_env):
     xs = jnp.linspace(-2.4, 2.4, 241)
     grid = jnp.stack([*jnp.meshgrid(xs, xs), jnp.zeros((241, 241))], axis=-1).reshape(-1, 3)

@@ -70,6 +70,7 @@ def test_slides_along_a_wall_with_friction(env, drive, run_original):
     assert travelled == pytest.approx(expected, abs=0.15 if env.backend == "mjx" else 0.3)
 
 
+@pytest.mark.slow
 def test_nothing_leaves_the_arena(closed_form_env):
     """Twenty seconds of driving forwards in random curves."""
     key = jax.random.key(0)

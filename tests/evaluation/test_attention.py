@@ -93,6 +93,7 @@ def test_agreement_is_a_rank_correlation():
     assert effect.agreement(attention, "value") == pytest.approx(-1.0)
 
 
+@pytest.mark.slow
 def test_a_removed_token_is_masked_and_the_others_keep_their_places(small):
     encoder, params, table = small
     codes = reading.codes_without_tokens(encoder, params, table, 2)
@@ -105,6 +106,7 @@ def test_a_removed_token_is_masked_and_the_others_keep_their_places(small):
     np.testing.assert_allclose(codes[1 + 4], encode({"params": params}, other)[2], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_an_encoder_that_reads_padding_goes_on_reading_it():
     encoder, params, table = fresh(dataclasses.replace(SMALL, masked=False), length=20)
     codes = reading.codes_without_tokens(encoder, params, table, 2)
@@ -152,6 +154,7 @@ STUB = Agent(
 )
 
 
+@pytest.mark.slow
 def test_observations_are_drawn_from_the_steps_in_the_row():
     play = jax.jit(partial(reading.meet, ClockEnv(), STUB), static_argnums=(2, 3, 4))
     first = play(None, jax.random.key(0), 2, 600, 100)

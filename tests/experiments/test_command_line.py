@@ -238,6 +238,7 @@ def test_files_of_other_versions_are_refused(change, said):
         config_files.from_json(json.dumps(data), "config.json")
 
 
+@pytest.mark.slow
 def test_runs_never_share_a_folder(train):
     folders = {train("--frames", "100", "--run.evaluation-episodes", "0") for _ in range(2)}
     assert len(folders) == 2

@@ -7,6 +7,8 @@ import pytest
 
 from experiments import evaluate, evaluation_run
 
+pytestmark = pytest.mark.slow  # every test makes a run or two
+
 
 def test_a_finished_run_without_metrics_is_evaluated_all_the_same(finished, resume, read_json, capsys):
     (finished / "metrics.csv").unlink()

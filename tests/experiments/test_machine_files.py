@@ -40,6 +40,7 @@ def met():
     return build, texts
 
 
+@pytest.mark.slow
 def test_later_changes_of_the_file_are_changes_of_no_run(train, machine, met, read_json, tmp_path, monkeypatch):
     folder = train(*FLAGS)
     machine.write_text(OTHER)
@@ -80,6 +81,7 @@ def test_runs_are_compared_by_what_their_machines_say(machine, tmp_path):
     assert list(differences(first, Config())) == ["task=phi_zone"]
 
 
+@pytest.mark.slow
 def test_its_own_pretraining_keeps_a_copy_too(train, resume, machine, monkeypatch):
     small = dataclasses.replace(PRETRAINING, frames=200, convergence=ConvergenceConfig())
     monkeypatch.setattr(pretraining, "PRETRAINING", small)

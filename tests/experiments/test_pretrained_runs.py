@@ -11,6 +11,8 @@ from experiments import attention, pretraining, run, run_folder
 from experiments.configs import PRETRAINING
 from t2tl_jax.training.convergence import ConvergenceConfig
 
+pytestmark = pytest.mark.slow  # every test makes a run or two
+
 NO_EVALUATION = ("--run.evaluation-episodes", "0")
 
 

@@ -32,6 +32,7 @@ def test_evaluation_refuses_them_too(finished, capsys):
     assert "F(Red & Black) can never be satisfied: at most one of" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "config"), [(name, config) for name, (config, _) in CONFIGS.items()])
 def test_named_tasks_are_open(name, config):
     water = "water" in name

@@ -62,6 +62,7 @@ def test_training_longer_equals_training_long(train, resume):
     assert_same_run(long, short, (0, 1))
 
 
+@pytest.mark.slow
 def test_rows_after_the_checkpoint_are_dropped_on_resume(train, resume):
     long = train("--frames", "1200", "--run.evaluation-episodes", "0")
     short = train("--frames", "600", "--run.evaluation-episodes", "0")
@@ -71,6 +72,7 @@ def test_rows_after_the_checkpoint_are_dropped_on_resume(train, resume):
     assert_same_run(long, short, (0,))
 
 
+@pytest.mark.slow
 def test_a_run_without_checkpoint_starts_over(train, resume):
     whole = train("--frames", "500", "--run.evaluation-episodes", "0")
     broken = train("--frames", "500", "--run.evaluation-episodes", "0")
@@ -79,6 +81,7 @@ def test_a_run_without_checkpoint_starts_over(train, resume):
     assert_same_run(whole, broken, (0,))
 
 
+@pytest.mark.slow
 def test_each_seed_equals_a_run_of_that_seed_alone(train):
     together = train("--frames", "500", "--seeds", "0,3,7", "--run.evaluation-episodes", "0")
     alone = train("--frames", "500", "--seeds", "3,", "--run.evaluation-episodes", "0")
@@ -95,6 +98,7 @@ def test_resuming_a_finished_run_says_so(finished, resume, capsys):
     assert (folder / "metrics.csv").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_evaluation_command(train, evaluate_run, read_json, capsys):
     folder = train("--frames", "200", "--seeds", "2", "--run.evaluation-episodes", "0")
     assert evaluate_run(folder, "--episodes", "400", "--checkpoint", "latest") == 0

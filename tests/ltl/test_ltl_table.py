@@ -120,6 +120,7 @@ def test_progress_agrees_with_the_table():
             assert both.initial_row[0] == both.initial_row[1]
 
 
+@pytest.mark.slow
 def test_at_most_one_alphabet_agrees_on_its_letters():
     for name, text in PAPER_TASKS.items():
         names = WATER_PROPOSITIONS if "water" in name else ZONE_PROPOSITIONS

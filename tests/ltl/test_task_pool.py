@@ -71,6 +71,7 @@ def test_left_over_rows_are_false_and_out_of_reach():
     assert table.mask[left_over].any(1).all()  # an encoder that averages over the tokens divides by one, not by zero
 
 
+@pytest.mark.slow
 def test_caps_that_are_too_small_are_explained():
     with pytest.raises(TooLargeError, match=r"of 8 formulas .* more than 3 tokens.* raise the caps"):
         pool(length=3)

@@ -73,6 +73,7 @@ def test_published_networks_have_the_published_sizes(context, parameters):
         }
 
 
+@pytest.mark.slow
 def test_t_fixup_scales_for_the_sizes_before_halving():
     window = random_window((1,), PUBLISHED.context)
     params = jax.jit(ContextEncoder(PUBLISHED.context).init)(jax.random.key(0), window, window.seen)["params"]

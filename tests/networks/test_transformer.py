@@ -92,6 +92,7 @@ def test_output_is_bounded_and_differentiable(norm):
     assert all(norm > 0 for name, norm in norms.items() if "['key']['bias']" not in name)
 
 
+@pytest.mark.slow
 def test_attention_weights_are_distributions_over_real_tokens():
     table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one", length=12)
     encoder = TransformerTaskEncoder(CORRECTED)
