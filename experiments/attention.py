@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import tyro
 
-from experiments.errors import UserError, guarded
+from experiments.errors import UserError, explained, guarded
 from experiments.flags import check_picture, parse
 from experiments.quiet import quiet_imports
 
@@ -50,9 +50,8 @@ def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
         raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
     check_picture("--output", arguments.output)
     try:
-        _read(arguments, build)
-    except ValueError as error:  # from whoever noticed
-        raise UserError(str(error)) from error
+        with explained():
+            _read(arguments, build)
     except OSError as error:
         raise UserError(f"cannot write: {error}") from error
     return 0

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from experiments.errors import UserError, guarded
+from experiments.errors import explained, guarded
 from experiments.flags import parse
 from experiments.quiet import quiet_imports
 from t2tl_jax import checks
@@ -43,10 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmark_dqn", description=Arguments.__doc__)
-    try:
+    with explained():
         _report(arguments)
-    except ValueError as error:  # from whoever noticed
-        raise UserError(str(error)) from error
     return 0
 
 

@@ -16,7 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
-from experiments.errors import UserError, guarded
+from experiments.errors import UserError, explained, guarded
 from experiments.flags import parse
 from experiments.quiet import quiet_imports
 from t2tl_jax import checks
@@ -75,10 +75,9 @@ def _main(texts: list[str]) -> int:
     if config.json is not None and not config.json.absolute().parent.is_dir():
         raise UserError(f"--json {config.json}: there is no folder {config.json.parent}; make it first")
     try:
-        resolve_task(config.task or TASKS[config.env])  # a mistake is answered before JAX is loaded
-        report(config)
-    except ValueError as error:  # from whoever noticed
-        raise UserError(str(error)) from error
+        with explained():
+            resolve_task(config.task or TASKS[config.env])  # a mistake is answered before JAX is loaded
+            report(config)
     except OSError as error:
         raise UserError(f"cannot write {config.json}: {error.strerror or error}") from error
     return 0

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from experiments.errors import UserError, guarded
+from experiments.errors import explained, guarded
 from experiments.flags import parse
 from t2tl_jax import checks
 from t2tl_jax.ltl import WATER_PROPOSITIONS, Formula, named_task, sample
@@ -48,12 +48,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmark_ltl", description=Arguments.__doc__)
-    try:
+    with explained():
         for family in arguments.families:
             _draw(family, arguments.seed)  # a mistake is answered before JAX is loaded
         _report(arguments)
-    except ValueError as error:  # from whoever noticed
-        raise UserError(str(error)) from error
     return 0
 
 

@@ -11,7 +11,7 @@ from envs import registry
 from envs.base import LabelledEnv
 from envs.waterworld import WaterWorldConfig
 from experiments.configs import Config
-from experiments.errors import UserError
+from experiments.errors import explained
 from t2tl_jax.agent import Agent
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.ppo import make_ppo
@@ -55,7 +55,7 @@ def build(config: Config) -> Experiment:
     Raises:
         UserError: for an unknown task or impossible settings, in the words of whoever noticed.
     """
-    try:
+    with explained():
         env = registry.make(config.env)
         _check_maps(config)
         table = make_table(config, env)
@@ -68,8 +68,6 @@ def build(config: Config) -> Experiment:
         agent = _make_agent(config, TaskEnv(env, table, config.simultaneous), iterations)
         texts = tuple(table.text(row) for row in range(table.num_rows))
         return Experiment(TaskEnv(env, table), agent, iterations, texts, member, make_pools(config, env))
-    except ValueError as error:
-        raise UserError(str(error)) from error
 
 
 def _check_maps(config: Config) -> None:

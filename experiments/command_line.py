@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from experiments.configs import CONFIGS, Config
-from experiments.errors import UserError, unknown
+from experiments.errors import UserError, explained, unknown
 from experiments.flags import parse
 from experiments.methods import METHODS
 
@@ -106,10 +106,8 @@ def list_configs(prefix: str = "") -> str:
 
 def override(config: Config, arguments: Sequence[str], prog: str = "python -m experiments.run") -> Config:
     """The configuration with the fields that the flags name replaced; otherwise as ``flags.parse``."""
-    try:
+    with explained():  # what the checks of the dataclasses say
         config, rest = without_parts(config, list(arguments))
-    except ValueError as error:  # from the checks of the dataclasses
-        raise UserError(str(error)) from error
     return parse(Config, rest, prog, DESCRIPTION, default=config, others=CHOOSING)
 
 

@@ -2,7 +2,8 @@
 
 import difflib
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 INVALID = 2
 """Exit code for input that cannot be used."""
@@ -24,6 +25,15 @@ def unknown(kind: str, given: str, known: Iterable[str]) -> UserError:
     """The error for a name that does not exist, with the nearest one and all of them."""
     names = sorted(known)
     return UserError(f"unknown {kind} {given!r}; did you mean {nearest(given, names)!r}?\nKnown: {', '.join(names)}")
+
+
+@contextmanager
+def explained() -> Iterator[None]:
+    """Around what the user gave: a ``ValueError`` of the library becomes a ``UserError`` in its words."""
+    try:
+        yield
+    except ValueError as error:
+        raise UserError(str(error)) from error
 
 
 def guarded(command: Callable[[], int]) -> int:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import tyro
 
-from experiments.errors import UserError, guarded
+from experiments.errors import UserError, explained, guarded
 from experiments.flags import parse
 from experiments.quiet import quiet_imports
 
@@ -88,7 +88,7 @@ def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
 def _changed(config: Any, arguments: Arguments) -> Any:
     from envs.zones import ZoneConfig
 
-    try:
+    with explained():
         if arguments.task is not None:
             config = dataclasses.replace(config, task=arguments.task)
         if arguments.physics is not None:
@@ -98,8 +98,6 @@ def _changed(config: Any, arguments: Arguments) -> Any:
         if arguments.episode_length is not None:
             config = dataclasses.replace(config, episode_length=arguments.episode_length)
         return config
-    except ValueError as error:
-        raise UserError(str(error)) from error
 
 
 if __name__ == "__main__":

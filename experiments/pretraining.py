@@ -12,7 +12,7 @@ from experiments import run_folder, stored_params
 from experiments.build import Experiment, make_table
 from experiments.compare import differences, ending
 from experiments.configs import PRETRAINING, Config
-from experiments.errors import UserError
+from experiments.errors import UserError, explained
 from experiments.run_folder import RunFolder
 from t2tl_jax.ltl import is_family
 from t2tl_jax.networks.task_encoders import TaskEncoderConfig
@@ -208,7 +208,5 @@ def _row_length(config: Config) -> int:
 
 
 def _seed_index(stored: Config, config: Config) -> np.ndarray:
-    try:
+    with explained():
         return transfer.seed_index(parse_seeds(stored.seeds), parse_seeds(config.seeds))
-    except ValueError as error:
-        raise UserError(str(error)) from error

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import jax
 import jax.numpy as jnp
 
-from experiments.errors import UserError, guarded
+from experiments.errors import explained, guarded
 from experiments.flags import parse
 from experiments.quiet import quiet_imports
 from t2tl_jax import checks
@@ -121,10 +121,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(texts: list[str]) -> int:
     config = parse(ScriptConfig, texts, prog="python -m experiments.waterworld_script", description=__doc__)
-    try:
+    with explained():
         report(config)
-    except ValueError as error:  # from whoever noticed
-        raise UserError(str(error)) from error
     return 0
 
 

@@ -6,31 +6,20 @@ from experiments import benchmark_dqn, benchmark_ltl
 
 
 @pytest.mark.parametrize(
-    ("flags", "said"),
+    ("command", "flags", "said"),
     [
-        (["--families", "phi_water", "Foo"], 'unknown task family "Foo"; known: Default, Until_'),
-        (["--families", "phi_watr"], 'did you mean "phi_water"'),
-        (["--families"], "one or more names, got none"),
-        (["--draws", "0"], "draws must be at least 1, got 0"),
-        (["--alphabet", "at_most_two"], "did you mean 'at_most_one'"),
+        (benchmark_ltl, ["--families", "phi_water", "Foo"], 'unknown task family "Foo"; known: Default, Until_'),
+        (benchmark_ltl, ["--families", "phi_watr"], 'did you mean "phi_water"'),
+        (benchmark_ltl, ["--families"], "one or more names, got none"),
+        (benchmark_ltl, ["--draws", "0"], "draws must be at least 1, got 0"),
+        (benchmark_ltl, ["--alphabet", "at_most_two"], "did you mean 'at_most_one'"),
+        (benchmark_dqn, ["--batch-size", "300000"], "buffer_size must hold at least one batch"),
+        (benchmark_dqn, ["--repeats", "0"], "repeats must be at least 1, got 0"),
+        (benchmark_dqn, ["--batch", "3"], "did you mean '--batch-size'"),
     ],
 )
-def test_mistakes_for_the_compiler_are_explained(flags, said, capsys):
-    assert benchmark_ltl.main(flags) == 2
-    printed = capsys.readouterr()
-    assert printed.err.startswith("error: ") and said in printed.err and not printed.out
-
-
-@pytest.mark.parametrize(
-    ("flags", "said"),
-    [
-        (["--batch-size", "300000"], "buffer_size must hold at least one batch"),
-        (["--repeats", "0"], "repeats must be at least 1, got 0"),
-        (["--batch", "3"], "did you mean '--batch-size'"),
-    ],
-)
-def test_mistakes_for_dqn_are_explained(flags, said, capsys):
-    assert benchmark_dqn.main(flags) == 2
+def test_mistakes_are_explained(command, flags, said, capsys):
+    assert command.main(flags) == 2
     printed = capsys.readouterr()
     assert printed.err.startswith("error: ") and said in printed.err and not printed.out
 
