@@ -2,10 +2,10 @@
 
 import difflib
 
-from envs.base import LabelledEnv
 from envs.single_state import SingleState, SingleStateConfig
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
 from envs.zones import ZoneConfig, ZoneEnv
+from t2tl_jax.env import LabelledEnv
 
 EnvConfig = ZoneConfig | WaterWorldConfig | SingleStateConfig
 """Configurations of the environments that are registered here."""

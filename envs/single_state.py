@@ -8,7 +8,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 
-from envs.base import Alphabet, LabelledEnv, State
+from t2tl_jax.env import Alphabet, LabelledEnv, State
 
 EPISODE_LENGTH = 75
 """Published limit of an episode, in steps. Applied outside: the environment itself never ends."""

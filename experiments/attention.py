@@ -9,9 +9,10 @@ from typing import Any, Literal
 
 import tyro
 
-from experiments.errors import UserError, explained, guarded
-from experiments.flags import check_picture, parse
-from experiments.quiet import quiet_imports
+from experiments.cli.errors import guarded
+from experiments.cli.flags import check_picture, parse
+from experiments.cli.quiet import quiet_imports
+from t2tl_jax.errors import UserError, explained
 
 
 @dataclass(frozen=True)
@@ -61,11 +62,13 @@ def _read(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
     with quiet_imports():
         import jax
 
-        from experiments import compilation_cache, run_folder, stored_params
-        from experiments.build import build as default_build
+        from experiments.cli import compilation_cache
         from t2tl_jax.evaluation import attention as reading
         from t2tl_jax.evaluation.attention_figure import plot_attention
         from t2tl_jax.networks.task_encoders import TransformerTaskEncoder
+        from t2tl_jax.runs import folder as run_folder
+        from t2tl_jax.runs import stored_params
+        from t2tl_jax.runs.build import build as default_build
         from t2tl_jax.training.seeds import EVALUATION, TRAINING, parse_seeds, stream_keys
 
     folder, config = run_folder.open_existing(arguments.run)
@@ -130,7 +133,8 @@ def _start(folder: Any, config: Any, seed: int, fresh: Any, build: Callable[[Any
     """What training began with, in words, and its parameters: `fresh` ones, with the pre-trained encoder if any."""
     import jax
 
-    from experiments import pretraining, run_folder
+    from t2tl_jax.runs import folder as run_folder
+    from t2tl_jax.runs import pretraining
     from t2tl_jax.training.transfer import PART
 
     if not config.pretrained:

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import tyro
 
-from experiments.errors import UserError, guarded
-from experiments.flags import check_picture, parse
-from experiments.quiet import quiet_imports
+from experiments.cli.errors import guarded
+from experiments.cli.flags import check_picture, parse
+from experiments.cli.quiet import quiet_imports
+from t2tl_jax.errors import UserError
 
 SOLVED = 0.95
 """A seed solves the task when its success rate is above this."""
@@ -56,7 +57,7 @@ def ending(metrics: Path, last: float) -> Ending:
     Raises:
         MetricsFileError: if there are no metrics.
     """
-    from t2tl_jax.training.metrics_file import by_seed, read_columns
+    from t2tl_jax.runs.metrics_file import by_seed, read_columns
 
     columns = read_columns(metrics)
     _, frames, episodes = by_seed(columns, "episodes")
@@ -77,7 +78,7 @@ def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
 
     Of another kind of environment, network or learner, its name and what departs from its defaults.
     """
-    from experiments.machine_files import same_task
+    from t2tl_jax.runs.machine_files import same_task
 
     for field in dataclasses.fields(base):
         if prefix == "" and field.name == "run":
@@ -103,8 +104,8 @@ def _main(texts: list[str]) -> int:
     if arguments.pairs and len(runs) < 2:
         raise UserError("--pairs tests two runs or more against each other; name another run")
     with quiet_imports():
-        from experiments import run_folder
-        from t2tl_jax.training.metrics_file import MetricsFileError
+        from t2tl_jax.runs import folder as run_folder
+        from t2tl_jax.runs.metrics_file import MetricsFileError
 
     base = None
     returns_of: dict[str, np.ndarray] = {}
@@ -172,9 +173,9 @@ def _test_pairs(returns_of: dict[str, np.ndarray]) -> None:
 
 
 def _draw(runs: Sequence[Path], figure: Path, base: Any) -> None:
-    from experiments.published_curves import ZONE_CURVES
-    from experiments.run_folder import RunFolder
+    from experiments.paper.published_curves import ZONE_CURVES
     from t2tl_jax.evaluation.curves import plot_runs
+    from t2tl_jax.runs.folder import RunFolder
 
     names = {str(path): RunFolder(path).metrics for path in runs}
     try:

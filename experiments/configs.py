@@ -7,11 +7,13 @@ from typing import Annotated
 
 from tyro.constructors import PrimitiveConstructorSpec
 
-from envs import single_state, waterworld, zones
+from envs import single_state
 from envs.registry import EnvConfig
 from envs.single_state import SingleStateConfig
 from envs.waterworld import WaterWorldConfig
+from envs.waterworld import water_env as waterworld
 from envs.zones import ZoneConfig
+from envs.zones import zone_env as zones
 from t2tl_jax import checks
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
@@ -19,7 +21,7 @@ from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.transformer import TransformerConfig
-from t2tl_jax.training.convergence import ConvergenceConfig
+from t2tl_jax.runs.convergence import ConvergenceConfig
 
 
 def _whole_number(texts: list[str]) -> int:

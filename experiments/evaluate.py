@@ -9,9 +9,10 @@ from typing import Any, Literal
 
 import tyro
 
-from experiments.errors import UserError, explained, guarded
-from experiments.flags import parse
-from experiments.quiet import quiet_imports
+from experiments.cli.errors import guarded
+from experiments.cli.flags import parse
+from experiments.cli.quiet import quiet_imports
+from t2tl_jax.errors import UserError, explained
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | N
 
     Args:
         arguments: of the command line, without the program's name; by default those of this process.
-        build: from a ``Config`` to an ``experiments.build.Experiment``; by default the one of that module.
+        build: from a ``Config`` to an ``t2tl_jax.runs.build.Experiment``; by default the one of that module.
     """
     return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments), build))
 
@@ -49,7 +50,7 @@ def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
     if arguments.episodes < 1:
         raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
     # Imported late: loading JAX and MuJoCo takes seconds, which --help and mistakes need not wait for.
-    from t2tl_jax.training.interrupts import Interrupted, StopRequest
+    from t2tl_jax.runs.interrupts import Interrupted, StopRequest
 
     with StopRequest(notice="stopping; nothing is stored") as stop:
         try:
@@ -61,9 +62,11 @@ def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
 
 def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
     with quiet_imports():
-        from experiments import compilation_cache, evaluation_run, run_folder, stored_params
-        from experiments.build import build as default_build
+        from experiments.cli import compilation_cache
         from t2tl_jax.evaluation.report import table
+        from t2tl_jax.runs import evaluation_run, stored_params
+        from t2tl_jax.runs import folder as run_folder
+        from t2tl_jax.runs.build import build as default_build
         from t2tl_jax.training.seeds import parse_seeds, place, seed_sharding
 
     folder, stored = run_folder.open_existing(arguments.run)

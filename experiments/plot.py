@@ -7,9 +7,10 @@ from pathlib import Path
 
 import tyro
 
-from experiments.errors import UserError, guarded
-from experiments.flags import check_picture, parse
-from experiments.quiet import quiet_imports
+from experiments.cli.errors import guarded
+from experiments.cli.flags import check_picture, parse
+from experiments.cli.quiet import quiet_imports
+from t2tl_jax.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -33,10 +34,10 @@ def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.plot", description=Arguments.__doc__)
     check_picture("--output", arguments.output)
     with quiet_imports():
-        from experiments import run_folder
-        from experiments.published_curves import ZONE_CURVES
+        from experiments.paper.published_curves import ZONE_CURVES
         from t2tl_jax.evaluation.curves import plot_learning_curves
-        from t2tl_jax.training.metrics_file import MetricsFileError
+        from t2tl_jax.runs import folder as run_folder
+        from t2tl_jax.runs.metrics_file import MetricsFileError
 
     folder, config = run_folder.open_existing(arguments.run)
     target = arguments.output or folder.curves

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from experiments import run
-from experiments.errors import guarded
+from experiments.cli.errors import guarded
 
 PREFIX = "pretrain_"
 

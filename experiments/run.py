@@ -4,8 +4,8 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from experiments.errors import guarded
-from experiments.quiet import quiet_imports
+from experiments.cli.errors import guarded
+from experiments.cli.quiet import quiet_imports
 
 
 def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | None = None) -> int:
@@ -13,7 +13,7 @@ def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | N
 
     Args:
         arguments: of the command line, without the program's name; by default those of this process.
-        build: from a ``Config`` to an ``experiments.build.Experiment``; by default the one of that module.
+        build: from a ``Config`` to an ``t2tl_jax.runs.build.Experiment``; by default the one of that module.
     """
     return guarded(lambda: command(sys.argv[1:] if arguments is None else list(arguments), build))
 
@@ -31,7 +31,9 @@ def command(
     """
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
-        from experiments import command_line, compilation_cache, methods
+        from experiments import methods
+        from experiments.cli import compilation_cache
+        from experiments.cli import request as command_line
         from experiments.configs import CONFIGS
 
     request = command_line.read_request(arguments, prefix)
@@ -47,7 +49,7 @@ def command(
             compilation_cache.use(config.run.compilation_cache)
             return config
 
-        from experiments import training_run
+        from t2tl_jax.runs import training_run
 
         return training_run.resume(request.resume, amend, build or _default_build(), words)
     name = prefix + request.config if request.config else command_line.default(prefix)
@@ -57,13 +59,13 @@ def command(
     config = command_line.override(config, request.rest, prog)
     compilation_cache.use(config.run.compilation_cache)
     # Only now: plots, statistics and checkpoints take seconds to load too, which --help and mistakes need not wait for.
-    from experiments import training_run
+    from t2tl_jax.runs import training_run
 
     return training_run.start(config, name, build or _default_build(), words)
 
 
 def _default_build() -> Callable[[Any], Any]:
-    from experiments.build import build
+    from t2tl_jax.runs.build import build
 
     return build
 

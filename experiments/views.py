@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from envs import zone_sensors
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldState
 from envs.zones import ZoneEnv, ZoneState
+from envs.zones import sensors as zone_sensors
 from t2tl_jax.evaluation.animation import Scene, View
 
 ORIGINAL_COLOURS = dict(zip(LETTERS, ("Red", "Green", "Blue", "Yellow", "Cyan", "Magenta"), strict=True))

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from brax.envs.base import Env, State
 from flax import struct
 
-from envs.base import LabelledEnv
+from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import TaskTable
 
 

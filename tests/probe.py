@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from brax.envs.base import State
 
-from envs.base import LabelledEnv
+from t2tl_jax.env import LabelledEnv
 
 
 class ProbeEnv(LabelledEnv):

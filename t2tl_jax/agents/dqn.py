@@ -18,7 +18,6 @@ import optax
 from flax import struct
 
 from t2tl_jax import checks
-from t2tl_jax.agent import Agent, Metrics, Params, repeated
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Memory, without_newest, without_oldest
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
@@ -26,6 +25,7 @@ from t2tl_jax.task_env import Shared, TaskEnv
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.episodes import Episode, Outcome, advance, begin, by_task
 from t2tl_jax.training.optimizer import clipped_adam
+from t2tl_jax.training.types import Agent, Metrics, Params, repeated
 
 MAX_TASKS_APART = 16
 """Up to so many tasks of a table have columns of their own among the metrics."""

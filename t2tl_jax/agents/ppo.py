@@ -15,7 +15,6 @@ import optax
 from flax import struct
 
 from t2tl_jax import checks
-from t2tl_jax.agent import Agent, EpisodeTotals, Metrics, Params, repeated
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.context import Memory
@@ -24,6 +23,7 @@ from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.episodes import Episode, Outcome, begin
 from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.rollout import Transitions, generalised_advantages, rollout
+from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics, Params, repeated
 
 
 @dataclass(frozen=True)

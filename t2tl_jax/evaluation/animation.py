@@ -11,7 +11,7 @@ from flax import struct
 from jax.typing import ArrayLike
 from PIL import Image, ImageDraw, ImageFont
 
-from t2tl_jax.agent import Agent, Params
+from t2tl_jax.training.types import Agent, Params
 
 SIDE = 384
 """The longer side of the arena between its walls, pixels."""

@@ -14,11 +14,11 @@ import numpy as np
 from flax import struct
 from scipy import stats
 
-from t2tl_jax.agent import Agent, Params, PolicyMemory, repeated
 from t2tl_jax.evaluation.episodes import Environment
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.ltl.tokens import token_names
 from t2tl_jax.networks.task_encoders import TransformerTaskEncoder, attention_weights
+from t2tl_jax.training.types import Agent, Params, PolicyMemory, repeated
 
 Queries = Literal["all", "root"]
 """Who attends: every real token (their mean), or the formula's first token only."""

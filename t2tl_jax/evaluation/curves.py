@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from t2tl_jax.evaluation.statistics import bootstrap_band
-from t2tl_jax.training.metrics_file import by_seed, read_columns
+from t2tl_jax.runs.metrics_file import by_seed, read_columns
 
 PANELS = (
     ("success_rate", "success rate"),

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from flax import struct
 
-from t2tl_jax.agent import Agent, Params, repeated
+from t2tl_jax.training.types import Agent, Params, repeated
 
 
 class Environment(Protocol):

@@ -5,7 +5,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from t2tl_jax.agent import EpisodeTotals, Params
+from t2tl_jax.training.types import EpisodeTotals, Params
 
 MINIMUM_EPISODES = 16
 """Fewer finished episodes than this score nothing: one lucky episode is no record."""

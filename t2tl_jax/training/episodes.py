@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from brax.envs.base import State
 from flax import struct
 
-from t2tl_jax.agent import EpisodeTotals
 from t2tl_jax.task_env import Shared, TaskEnv
+from t2tl_jax.training.types import EpisodeTotals
 
 
 @struct.dataclass

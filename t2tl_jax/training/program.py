@@ -8,8 +8,8 @@ import jax
 import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec
 
-from t2tl_jax.agent import Agent
 from t2tl_jax.training.seeds import TRAINING, seed_sharding, stream_keys
+from t2tl_jax.training.types import Agent
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 
-from t2tl_jax.agent import EpisodeTotals
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.episodes import Episode, Outcome, advance
+from t2tl_jax.training.types import EpisodeTotals
 
 
 @struct.dataclass

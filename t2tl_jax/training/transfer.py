@@ -7,8 +7,8 @@ import jax
 import numpy as np
 from jax.sharding import NamedSharding
 
-from t2tl_jax.agent import Params
 from t2tl_jax.training.seeds import place
+from t2tl_jax.training.types import Params
 
 PART = "task_encoder"
 """Name of the encoder among the parameters of every network."""

@@ -14,8 +14,8 @@ from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.checkpoints import Checkpoints
 from t2tl_jax.training.rollout import generalised_advantages
 from tests.agents import sizes
 from tests.probe import CueEnv

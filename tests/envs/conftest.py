@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from envs.point_closed_form import ClosedFormPoint
-from envs.point_mjx import MjxPoint
 from envs.zones import ZoneConfig, ZoneEnv
+from envs.zones.point_closed_form import ClosedFormPoint
+from envs.zones.point_mjx import MjxPoint
 
 ROBOT = """
 <body name="robot" pos="0 0 .1">

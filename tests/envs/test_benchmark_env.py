@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from experiments.benchmark_env import BenchmarkConfig, main, report, resolve
+from experiments.benchmarks.env import BenchmarkConfig, main, report, resolve
 
 
 @pytest.mark.slow
@@ -53,7 +53,7 @@ def test_mistakes_are_explained(flags, said, capsys):
 
 def test_mistakes_are_answered_without_jax():
     code = (
-        "import sys, experiments.benchmark_env as m; m.main(['--task', 'phi_zon']); m.main(['--steps', '0']); "
+        "import sys, experiments.benchmarks.env as m; m.main(['--task', 'phi_zon']); m.main(['--steps', '0']); "
         "sys.exit('jax' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs.base import LabelledEnv
-from envs.point_robot import PointState
 from envs.registry import make
 from envs.zones import ZoneConfig, ZoneEnv
+from envs.zones.point_robot import PointState
+from t2tl_jax.env import LabelledEnv
 
 BATCH = 4
 

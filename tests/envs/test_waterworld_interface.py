@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWrapper
 
-from envs.base import LabelledEnv
 from envs.registry import CONFIGS, make
 from envs.waterworld import COLOURS, EPISODE_LENGTH, LETTERS, WaterWorld, WaterWorldConfig
+from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import WATER_PROPOSITIONS, compile_reward_machines, compile_tasks, named_machines, named_task
 from t2tl_jax.task_env import TaskEnv
 

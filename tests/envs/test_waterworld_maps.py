@@ -148,7 +148,7 @@ def test_an_environment_can_be_built_from_traced_parameters():
     ],
 )
 def test_errors_say_what_is_wrong(changes, message, monkeypatch):
-    monkeypatch.setattr("envs.waterworld_maps.RESTARTS", 1)
+    monkeypatch.setattr("envs.waterworld.maps.RESTARTS", 1)
     with pytest.raises(ValueError, match=message):
         WaterWorld(WaterWorldConfig(**changes))
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from envs.waterworld import WaterWorld, WaterWorldConfig
-from envs.waterworld_script import scripted_action
-from experiments.waterworld_script import colours_of_rows, main, play, random_player, scripted_player
+from envs.waterworld.scripted_player import scripted_action
+from experiments.paper.scripted_player import colours_of_rows, main, play, random_player, scripted_player
 from t2tl_jax.ltl import compile_tasks, named_task
 from t2tl_jax.task_env import TaskEnv
 

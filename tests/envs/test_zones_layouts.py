@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from envs import zone_layouts
 from envs.zones import ZoneConfig, ZoneEnv
+from envs.zones import layouts as zone_layouts
 
 
 @pytest.fixture(scope="module")

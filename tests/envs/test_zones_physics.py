@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs.point_robot import PointState
+from envs.zones.point_robot import PointState
 
 STATES = 1000
 

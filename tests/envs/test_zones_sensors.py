@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs import zone_layouts
 from envs.zones import EPISODE_LENGTH, ZoneConfig, ZoneEnv
+from envs.zones import layouts as zone_layouts
 
 
 def published_lidar(qpos: np.ndarray, zones: np.ndarray) -> np.ndarray:

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs import point_robot
-from envs.point_closed_form import ClosedFormPoint
-from envs.point_robot import PointState
+from envs.zones import point_robot
+from envs.zones.point_closed_form import ClosedFormPoint
+from envs.zones.point_robot import PointState
 
 START_LIDAR = {
     "J": [0.0162, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0292, 0.1069, 0.2231, 0.2024],

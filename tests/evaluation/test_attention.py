@@ -10,12 +10,12 @@ import pytest
 from flax import struct
 from scipy import stats
 
-from t2tl_jax.agent import Agent
 from t2tl_jax.evaluation import attention as reading
 from t2tl_jax.evaluation.attention import Attention, Met, Removal
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.task_encoders import TransformerTaskEncoder
 from t2tl_jax.networks.transformer import TransformerConfig, sinusoidal_positions
+from t2tl_jax.training.types import Agent
 
 PROPOSITIONS = ("Black", "White", "Red", "Yellow")
 TASK = "!Red U (Black & (!Yellow U White))"

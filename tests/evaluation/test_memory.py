@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from flax import struct
 
-from t2tl_jax.agent import Agent
 from t2tl_jax.evaluation.animation import Scene, record
 from t2tl_jax.evaluation.episodes import play
+from t2tl_jax.training.types import Agent
 
 
 @struct.dataclass

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 
-from t2tl_jax.agent import Agent, EpisodeTotals, Metrics
+from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics
 
 FRAMES_PER_ITERATION = 100
 

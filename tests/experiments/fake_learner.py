@@ -14,8 +14,8 @@ from fake_agent import FRAMES_PER_ITERATION, make_agent
 from flax import struct
 
 from experiments import run
-from experiments.build import Experiment
 from experiments.configs import Config
+from t2tl_jax.runs.build import Experiment
 
 SUCCESS, VIOLATION = 0.6, 0.3  # of an episode's first step, if the action is 1
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from experiments import benchmark_dqn, benchmark_ltl
+from experiments.benchmarks import dqn as benchmark_dqn
+from experiments.benchmarks import ltl as benchmark_ltl
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,14 @@ from hypothesis import strategies as st
 
 from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
-from experiments import command_line, config_files, run
+from experiments import run
+from experiments.cli import request as command_line
 from experiments.configs import CONFIGS, Config
-from experiments.errors import UserError
 from t2tl_jax.agents.dqn import DQNConfig
+from t2tl_jax.errors import UserError
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
+from t2tl_jax.runs import config_files
 
 
 @pytest.mark.parametrize("name", CONFIGS)

@@ -3,8 +3,8 @@
 import jax
 import pytest
 
-from experiments import compilation_cache
-from experiments.errors import UserError
+from experiments.cli import compilation_cache
+from t2tl_jax.errors import UserError
 
 
 @pytest.fixture

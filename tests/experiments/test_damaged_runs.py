@@ -5,7 +5,8 @@ import dataclasses
 import fake_learner
 import pytest
 
-from experiments import evaluate, evaluation_run
+from experiments import evaluate
+from t2tl_jax.runs import evaluation_run
 
 pytestmark = pytest.mark.slow  # every test makes a run or two
 

@@ -8,11 +8,13 @@ import fake_learner
 import pytest
 
 from envs import registry
-from experiments import evaluate, pretraining, run, run_folder
-from experiments.build import make_table
+from experiments import evaluate, run
 from experiments.compare import differences
 from experiments.configs import CONFIGS, PRETRAINING, Config
-from t2tl_jax.training.convergence import ConvergenceConfig
+from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs import pretraining
+from t2tl_jax.runs.build import make_table
+from t2tl_jax.runs.convergence import ConvergenceConfig
 
 MACHINE = "start -> a\notherwise -> stay\n\na -> b : Red\nb -> done : Black / 1\n"
 OTHER = MACHINE.replace("Black", "Yellow")

@@ -2,10 +2,11 @@
 
 import pytest
 
-from experiments import command_line, methods
+from experiments import methods
+from experiments.cli import request as command_line
 from experiments.compare import differences
 from experiments.configs import CONFIGS
-from experiments.errors import UserError
+from t2tl_jax.errors import UserError
 from t2tl_jax.networks.context import ContextConfig
 
 NETWORK = ("network.task_encoder", "network.freeze_task_encoder", "network.context")

@@ -7,9 +7,11 @@ import fake_learner
 import pytest
 
 from envs.single_state import SingleStateConfig
-from experiments import attention, pretraining, run, run_folder
+from experiments import attention, run
 from experiments.configs import PRETRAINING
-from t2tl_jax.training.convergence import ConvergenceConfig
+from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs import pretraining
+from t2tl_jax.runs.convergence import ConvergenceConfig
 
 pytestmark = pytest.mark.slow  # every test makes a run or two
 

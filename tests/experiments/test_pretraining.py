@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from envs.single_state import SingleStateConfig
-from experiments import methods, pretrain, pretraining, run, run_folder, stored_params, training_run
-from experiments.build import build
+from experiments import methods, pretrain, run
 from experiments.configs import CONFIGS, PRETRAINING, Config
-from experiments.errors import UserError
+from t2tl_jax.errors import UserError
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.transformer import TransformerConfig
-from t2tl_jax.training.convergence import ConvergenceConfig
-from t2tl_jax.training.metrics_file import FIXED_COLUMNS
+from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs import pretraining, stored_params, training_run
+from t2tl_jax.runs.build import build
+from t2tl_jax.runs.convergence import ConvergenceConfig
+from t2tl_jax.runs.metrics_file import FIXED_COLUMNS
 
 ENCODER = ("--network.task-encoder", "gru", "--network.gru.width", "8", "--network.gru.output", "4")
 QUIET = ("--run.progress", "False", "--run.gif", "False")

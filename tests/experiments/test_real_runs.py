@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from envs.zones import ZoneConfig
-from experiments import attention, compare, evaluate, methods, run, run_folder
-from experiments.build import build
+from experiments import attention, compare, evaluate, methods, run
 from experiments.configs import CONFIGS, PoolConfig
-from experiments.errors import UserError
+from t2tl_jax.errors import UserError
 from t2tl_jax.networks.transformer import TransformerConfig
-from t2tl_jax.training.checkpoints import Checkpoints
+from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs.build import build
+from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.training.program import trace
 from t2tl_jax.training.seeds import place
 

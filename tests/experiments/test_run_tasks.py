@@ -6,9 +6,9 @@ import pytest
 
 from envs import registry
 from experiments import evaluate, run
-from experiments.build import make_table
 from experiments.configs import CONFIGS
 from t2tl_jax.ltl import PAPER_TASKS
+from t2tl_jax.runs.build import make_table
 
 
 @pytest.mark.parametrize(

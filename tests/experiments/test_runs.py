@@ -10,7 +10,7 @@ import pytest
 from fake_learner import make_agent
 from PIL import Image
 
-from t2tl_jax.training.checkpoints import Checkpoints
+from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.training.program import trace
 
 
@@ -149,7 +149,7 @@ def test_resume_refuses_other_settings(finished, resume, capsys):
 
 
 def test_a_folder_in_use_is_refused(finished, resume, capsys):
-    from experiments.run_folder import RunFolder, locked
+    from t2tl_jax.runs.folder import RunFolder, locked
 
     folder = finished
     with locked(RunFolder(folder)):

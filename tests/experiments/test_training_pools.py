@@ -9,10 +9,11 @@ import pytest
 
 from envs import registry
 from envs.single_state import SingleStateConfig
-from experiments import build, run, training_run
+from experiments import run
 from experiments.configs import PRETRAINING, Config, PoolConfig
-from experiments.errors import UserError
+from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import TooLargeError, compile_pool
+from t2tl_jax.runs import build, training_run
 
 ENV = registry.make(SingleStateConfig())
 CONFIG = dataclasses.replace(PRETRAINING, task="Until_1_2_1_1", pool=PoolConfig(size=2, rows=16, length=14))

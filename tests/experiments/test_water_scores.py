@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.water_scores import _at, main
+from experiments.paper.water_scores import _at, main
 
 RESULTS = Path(__file__).parents[2] / "results" / "water_h200"
 

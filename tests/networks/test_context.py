@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from experiments.configs import CONFIGS
-from t2tl_jax.agent import repeated
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.context import (
@@ -23,6 +22,7 @@ from t2tl_jax.networks.context import (
     without_oldest,
 )
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.training.types import repeated
 
 SMALL = TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8)
 PUBLISHED = CONFIGS["zone_ppo_published"][0].network

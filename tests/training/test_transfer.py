@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from flax import struct
 
-from t2tl_jax.training.prefetch import Prefetch
+from t2tl_jax.runs.prefetch import Prefetch
 from t2tl_jax.training.transfer import adopt, seed_index, task_encoder
 
 

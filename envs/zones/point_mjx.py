@@ -1,0 +1,49 @@
+"""The motion of the Point robot by MuJoCo MJX, the reference physics: soft walls with friction included."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import mujoco
+from mujoco import mjx
+
+from envs.zones.point_robot import SUBSTEPS, PointState, clip_action
+
+MODEL_FILE = Path(__file__).with_name("point.xml")
+"""The MuJoCo model; its slide axes are world axes, so ``qpos`` is the robot's position and heading as they are."""
+
+
+class MjxPoint:
+    """Physics by MJX. Only position and velocity pass from one substep to the next.
+
+    MJX's own state has some ninety arrays. None of them is needed once a substep is over: the solver starts cold, which
+    is both faster and more accurate here than its warm start (one Newton step from the unconstrained acceleration).
+
+    Away from the walls a substep agrees with the original scene of 204 cubes to 1e-5. After 20 ms at a wall its
+    positions differ by 0.14 mm (median; 95 %: 1.5 mm) and velocities by 0.01 m/s (0.08 m/s): planes have no gaps, the
+    contacts have no torsional friction, and the front corners touch as two points.
+    """
+
+    def __init__(self) -> None:
+        self._model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL_FILE.read_text()), impl="jax")
+        self._blank = mjx.make_data(self._model, impl="jax")
+
+    def step(self, state: PointState, action: jax.Array, substeps: int = SUBSTEPS) -> PointState:
+        """The robot after ``substeps`` substeps of 2 ms under a held ``action`` of ``float32[2]``."""
+        action = clip_action(action)
+
+        def substep(state: PointState, _: None) -> tuple[PointState, None]:
+            data = mjx.step(self._model, self._data(state, action))
+            return PointState(qpos=data.qpos.astype(jnp.float32), qvel=data.qvel.astype(jnp.float32)), None
+
+        return jax.lax.scan(substep, state, None, length=substeps)[0]
+
+    def acceleration(self, state: PointState, action: jax.Array) -> jax.Array:
+        """Acceleration of the body origin in the body frame, ``float32[2]`` in m/s^2, contact forces included."""
+        ax, ay, _ = mjx.forward(self._model, self._data(state, clip_action(action))).qacc.astype(jnp.float32)
+        cos, sin = jnp.cos(state.qpos[2]), jnp.sin(state.qpos[2])
+        return jnp.stack([cos * ax + sin * ay, cos * ay - sin * ax])
+
+    def _data(self, state: PointState, action: jax.Array) -> mjx.Data:
+        """MJX's state for the given motion and control."""
+        return self._blank.replace(qpos=state.qpos, qvel=state.qvel, ctrl=action)

@@ -1,0 +1,214 @@
+"""ZoneEnv: the Point robot among coloured discs, after the environment of LTL2Action and T2TL built on Safety-Gym.
+
+The base reward is 0 and no episode ends by itself (a physics failure apart): what the discs mean is up to the task.
+Observations are 12 body sensors and 16 lidar bins per colour, 76 numbers on the published maps; there is no position,
+no walls and no clock among them.
+"""
+
+import dataclasses
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import struct
+
+from envs.zones import layouts, sensors
+from envs.zones.point_closed_form import ClosedFormPoint
+from envs.zones.point_mjx import MjxPoint
+from envs.zones.point_robot import PointPhysics, PointState
+from t2tl_jax.env import Alphabet, LabelledEnv, State
+
+EPISODE_LENGTH = 1000
+"""Published limit of an episode, in environment steps. Applied outside: the environment itself never ends."""
+
+FAILURE_REWARD = -10.0
+"""Reward of a step whose physics fails, which also ends the episode."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ZoneConfig:
+    """What distinguishes one ZoneEnv from another."""
+
+    physics: Literal["mjx", "closed_form"] = "mjx"
+    """MuJoCo MJX, the reference, or the same motion in closed form, which differs only in contact with a wall."""
+    layout: Literal["fixed", "random"] = "fixed"
+    """The published map ``Zones-25-v1``, or a new map at every reset."""
+    colours: str = ""
+    """One letter per disc of random maps (J W B G R Y C M); empty means ``JJRRWWYY``. The fixed map has its own."""
+    pool_size: int = 1024
+    """How many random maps are sampled when the environment is built; a reset picks one of them."""
+    pool_seed: int = 0
+    """Seed of that pool."""
+
+
+@struct.dataclass
+class ZoneState:
+    """Everything that changes from episode to episode or from step to step."""
+
+    robot: PointState
+    """Motion of the robot."""
+    zones: jax.Array
+    """``float32[n, 2]``: disc centres in metres."""
+
+    @property
+    def qpos(self) -> jax.Array:
+        """``float32[..., 3]``: position of the robot in metres and its heading in radians."""
+        return self.robot.qpos
+
+    @property
+    def qvel(self) -> jax.Array:
+        """``float32[..., 3]``: velocity of the robot in m/s and its turning rate in rad/s."""
+        return self.robot.qvel
+
+
+class ZoneEnv(LabelledEnv):
+    """One robot in one arena. Actions are ``float[2]`` in [-1, 1]: forward drive and turning rate.
+
+    Args:
+        config: physics and map.
+
+    Raises:
+        ValueError: for unknown colours, or maps that cannot be placed or whose discs overlap.
+    """
+
+    def __init__(self, config: ZoneConfig | None = None) -> None:
+        self.config = config = config or ZoneConfig()
+        colours = _check_config(config)
+        self._physics = _make_physics(config.physics)
+        present = [letter for letter in layouts.COLOURS if letter in colours]
+        self._propositions = tuple(layouts.COLOURS[letter] for letter in present)
+        self._label_groups = tuple(_positions(colours, letter) for letter in present)
+        self._lidar_groups = tuple(_positions(colours, letter) for letter in sorted(present))
+        if config.layout == "fixed":
+            start, zones = np.array([layouts.FIXED_START]), np.array([layouts.FIXED_ZONES])
+        else:
+            start, zones = layouts.sample_layouts(len(colours), config.pool_size, config.pool_seed)
+        layouts.check_disjoint(zones)
+        self._starts, self._maps = start.astype(np.float32), zones.astype(np.float32)
+
+    @property
+    def propositions(self) -> tuple[str, ...]:
+        """Colours on the map, in the published order: Black, White, Red, Yellow on the fixed map."""
+        return self._propositions
+
+    @property
+    def alphabet(self) -> Alphabet:
+        """At most one: discs never overlap, which is checked when the maps are built."""
+        return "at_most_one"
+
+    @property
+    def observation_size(self) -> int:
+        """76 on the published maps: 12 body sensors and 16 bins for each of four colours."""
+        return 12 + sensors.LIDAR_BINS * len(self._lidar_groups)
+
+    @property
+    def action_size(self) -> int:
+        """Two: forward drive and turning rate."""
+        return 2
+
+    @property
+    def num_actions(self) -> int | None:
+        """None: actions are continuous."""
+        return None
+
+    @property
+    def backend(self) -> str:
+        """Which physics moves the robot."""
+        return self.config.physics
+
+    def reset(self, rng: jax.Array) -> State:
+        """A robot at rest: at the published start on the fixed map, or on a random map with a random heading."""
+        if self.config.layout == "fixed":
+            qpos, zones = jnp.asarray(self._starts[0]), jnp.asarray(self._maps[0])
+        else:
+            map_key, heading_key = jax.random.split(rng)
+            index = jax.random.randint(map_key, (), 0, len(self._maps))
+            heading = jax.random.uniform(heading_key, (1,), jnp.float32, 0.0, 2.0 * jnp.pi)
+            qpos = jnp.concatenate([jnp.asarray(self._starts)[index], heading])
+            zones = jnp.asarray(self._maps)[index]
+        # At rest, clear of the walls and without a command nothing accelerates: a reset needs no physics.
+        robot = PointState(qpos=qpos, qvel=jnp.zeros(3, jnp.float32))
+        return self._first_state(robot, zones, jnp.zeros(2, jnp.float32))
+
+    def reset_to(self, qpos: jax.Array, qvel: jax.Array, zones: jax.Array | None = None) -> State:
+        """The state with the given motion, as if its last action had been zero.
+
+        Args:
+            qpos: ``float[3]`` position in metres and heading in radians.
+            qvel: ``float[3]`` velocity in m/s and turning rate in rad/s.
+            zones: ``float[n, 2]`` disc centres in metres; by default the fixed map, or the first one of the pool.
+        """
+        robot = PointState(qpos=jnp.asarray(qpos, jnp.float32), qvel=jnp.asarray(qvel, jnp.float32))
+        zones = jnp.asarray(self._maps[0] if zones is None else zones, jnp.float32)
+        return self._first_state(robot, zones, self._physics.acceleration(robot, jnp.zeros(2, jnp.float32)))
+
+    def step(self, state: State, action: jax.Array) -> State:
+        """The state 20 ms later.
+
+        A physics failure (a state that is no longer finite) gives reward -10 and ends the episode; the robot is then
+        left at rest where the step began, so that observations and labels stay meaningful.
+        """
+        before: ZoneState = state.pipeline_state
+        robot = self._physics.step(before.robot, action)
+        acceleration = self._physics.acceleration(robot, action)
+        failed = ~jnp.isfinite(jnp.concatenate([robot.qpos, robot.qvel, acceleration])).all()
+        at_rest = PointState(qpos=before.qpos, qvel=jnp.zeros_like(before.qvel))
+        robot = jax.tree.map(lambda safe, new: jnp.where(failed, safe, new), at_rest, robot)
+        acceleration = jnp.where(failed, 0.0, acceleration)
+        return state.replace(
+            pipeline_state=ZoneState(robot=robot, zones=before.zones),
+            obs=self._observe(robot, before.zones, acceleration),
+            reward=jnp.where(failed, FAILURE_REWARD, 0.0).astype(jnp.float32),
+            done=failed.astype(jnp.float32),
+        )
+
+    def labels(self, state: State) -> jax.Array:
+        """Which colours the robot's origin stands in, within 0.25 m inclusive: ``bool[P]``."""
+        zone_state: ZoneState = state.pipeline_state
+        return sensors.inside(zone_state.qpos, zone_state.zones, self._label_groups)
+
+    def _first_state(self, robot: PointState, zones: jax.Array, acceleration: jax.Array) -> State:
+        """The state that begins an episode."""
+        return State(
+            pipeline_state=ZoneState(robot=robot, zones=zones),
+            obs=self._observe(robot, zones, acceleration),
+            reward=jnp.zeros((), jnp.float32),
+            done=jnp.zeros((), jnp.float32),
+        )
+
+    def _observe(self, robot: PointState, zones: jax.Array, acceleration: jax.Array) -> jax.Array:
+        """Body sensors, then the lidars in the alphabetical order of their letters: ``float32[observation_size]``."""
+        lidars = sensors.lidar(robot.qpos, zones, self._lidar_groups)
+        return jnp.concatenate([sensors.body_sensors(robot, acceleration), lidars])
+
+
+def _make_physics(name: str) -> PointPhysics:
+    """What moves the robot."""
+    return MjxPoint() if name == "mjx" else ClosedFormPoint()
+
+
+def _positions(colours: str, letter: str) -> tuple[int, ...]:
+    """Indices of the discs of one colour."""
+    return tuple(i for i, colour in enumerate(colours) if colour == letter)
+
+
+def _check_config(config: ZoneConfig) -> str:
+    """The colour letters of the configured map, after checking every field."""
+    if config.physics not in ("mjx", "closed_form"):
+        raise ValueError(f"physics is {config.physics!r}; it must be 'mjx' or 'closed_form'")
+    if config.layout not in ("fixed", "random"):
+        raise ValueError(f"layout is {config.layout!r}; it must be 'fixed' or 'random'")
+    if config.layout == "fixed":
+        if config.colours not in ("", layouts.FIXED_COLOURS):
+            raise ValueError(
+                f"colours={config.colours!r} needs layout='random': the fixed map has {layouts.FIXED_COLOURS}"
+            )
+        return layouts.FIXED_COLOURS
+    if config.pool_size < 1:
+        raise ValueError(f"pool_size is {config.pool_size}; a pool needs at least one map")
+    colours = config.colours or layouts.RANDOM_COLOURS
+    unknown = sorted(set(colours) - set(layouts.COLOURS))
+    if unknown:
+        raise ValueError(f"unknown colours {', '.join(unknown)}; known are {', '.join(layouts.COLOURS)}")
+    return colours

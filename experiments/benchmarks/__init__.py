@@ -1,0 +1,1 @@
+"""Speed of the parts: ``python -m experiments.benchmarks.env`` and so on."""

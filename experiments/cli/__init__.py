@@ -1,0 +1,1 @@
+"""What every command shares: flags, words, the end of a process."""

@@ -1,0 +1,28 @@
+"""How a command of this package ends: a message that fits on one screen instead of a traceback."""
+
+import sys
+from collections.abc import Callable
+
+from t2tl_jax.errors import UserError
+
+INVALID = 2
+"""Exit code for input that cannot be used."""
+
+
+def guarded(command: Callable[[], int]) -> int:
+    """Run a command and turn expected errors into a message and an exit code.
+
+    Returns:
+        What the command returns, ``INVALID`` after a ``UserError``, 130 after Ctrl-C outside of training.
+    """
+    try:
+        return command()
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return INVALID
+    except KeyboardInterrupt:
+        print("\nstopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough
+        sys.stderr.close()
+        return 0

@@ -1,0 +1,1 @@
+"""What serves the papers: their published figures, and the tables beside them."""

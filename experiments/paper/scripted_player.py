@@ -1,0 +1,148 @@
+"""How far a hand-written player gets in WaterWorld, beside random actions.
+
+    python -m experiments.paper.scripted_player --episodes 300
+
+Nothing is learned: a learner that stays below these numbers leaves something to be found.
+"""
+
+import dataclasses
+import sys
+from collections.abc import Callable, Sequence
+
+import jax
+import jax.numpy as jnp
+
+from experiments.cli.errors import guarded
+from experiments.cli.flags import parse
+from experiments.cli.quiet import quiet_imports
+from t2tl_jax import checks
+from t2tl_jax.errors import explained
+
+with quiet_imports():
+    from envs.waterworld import EPISODE_LENGTH, NUM_ACTIONS, WaterWorld, WaterWorldConfig
+    from envs.waterworld.scripted_player import scripted_action
+    from t2tl_jax.env import State
+    from t2tl_jax.ltl import TaskTable, compile_tasks, resolve_task
+    from t2tl_jax.task_env import TaskEnv
+
+Player = Callable[[State, jax.Array], jax.Array]
+"""A function of a state of the `TaskEnv` and a key that gives an action."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ScriptConfig:
+    """What is played."""
+
+    tasks: tuple[str, ...] = ("phi_water",)
+    """Names of tasks or formulas."""
+    episodes: int = 300
+    """Episodes of each task and player, each on another map."""
+    episode_length: int = EPISODE_LENGTH
+    """Steps after which an episode is cut."""
+    radii: tuple[float, ...] = ()
+    """Radius of each colour's balls; empty means 15 for all."""
+    seed: int = 0
+    """Seed of the maps and of the random actions."""
+
+    def __post_init__(self) -> None:
+        if not self.tasks:
+            raise ValueError("tasks are one or more names or formulas, got none")
+        checks.counts(self, "episodes", "episode_length")
+        checks.counts(self, "seed", least=0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """Means over the episodes of one player."""
+
+    total: float
+    """Return without discount, from -1 to 1."""
+    success: float
+    """Share of episodes that satisfied the task."""
+    violation: float
+    """Share of episodes that made it impossible."""
+    length: float
+    """Steps, cut episodes included."""
+
+
+def colours_of_rows(table: TaskTable) -> tuple[jax.Array, jax.Array]:
+    """What a task wants and forbids next, found by trying each proposition alone.
+
+    Returns:
+        Two ``bool[rows, P]``: propositions that change a row without deciding against it, and those that falsify it.
+    """
+    alone = table.letter(jnp.eye(len(table.propositions), dtype=bool))
+    after = table.next_row[:, alone]
+    avoided = table.verdict[after] < 0
+    return (after != jnp.arange(table.num_rows)[:, None]) & ~avoided, avoided
+
+
+def scripted_player(table: TaskTable) -> Player:
+    """Goes for what the present row wants and keeps away from what it forbids."""
+    wanted, avoided = colours_of_rows(table)
+
+    def act(state: State, key: jax.Array) -> jax.Array:
+        row = state.pipeline_state.row
+        return scripted_action(state.pipeline_state.env, wanted[row], avoided[row])
+
+    return act
+
+
+def random_player(state: State, key: jax.Array) -> jax.Array:
+    """Any action, uniformly."""
+    return jax.random.randint(key, (), 0, NUM_ACTIONS)
+
+
+def play(env: TaskEnv, player: Player, episodes: int, episode_length: int, seed: int) -> Outcome:
+    """Play whole episodes side by side, each with its own key."""
+
+    def episode(key: jax.Array) -> tuple[jax.Array, jax.Array]:
+        reset_key, action_key = jax.random.split(key)
+
+        def step(carry: tuple[State, jax.Array], key: jax.Array) -> tuple[tuple[State, jax.Array], None]:
+            state, length = carry
+            ended = state.done > 0
+            after = env.step(state, player(state, key))
+            state = jax.tree.map(lambda old, new: jnp.where(ended, old, new), state, after)
+            return (state, length + ~ended), None
+
+        first = (env.reset(reset_key), jnp.int32(0))
+        (state, length), _ = jax.lax.scan(step, first, jax.random.split(action_key, episode_length))
+        return env.table.verdict[env.row(state)], length
+
+    verdict, length = jax.jit(jax.vmap(episode))(jax.random.split(jax.random.key(seed), episodes))
+    success, violation = float((verdict > 0).mean()), float((verdict < 0).mean())
+    return Outcome(success - violation, success, violation, float(length.mean()))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 2 for input that cannot be used."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def _main(texts: list[str]) -> int:
+    config = parse(ScriptConfig, texts, prog="python -m experiments.paper.scripted_player", description=__doc__)
+    with explained():
+        report(config)
+    return 0
+
+
+def report(config: ScriptConfig) -> None:
+    """Play every task with both players and print a table."""
+    world = WaterWorld(WaterWorldConfig(layout="random", pool_size=0, radii=config.radii))
+    tables = [compile_tasks(resolve_task(task), world.propositions, world.alphabet) for task in config.tasks]
+    print(f"{config.episodes} episodes of at most {config.episode_length} steps each, all on different maps")
+    print(f"{'task':<16} {'player':<8} {'return':>7} {'success':>8} {'violation':>10} {'steps':>7}")
+    for task, table in zip(config.tasks, tables, strict=True):
+        env = TaskEnv(world, table)
+        for name, player in (("random", random_player), ("script", scripted_player(table))):
+            result = play(env, player, config.episodes, config.episode_length, config.seed)
+            print(
+                f"{task:<16} {name:<8} {result.total:>7.2f} {result.success:>8.3f} {result.violation:>10.3f} "
+                f"{result.length:>7.1f}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,29 @@
+"""What the user gave cannot be used: one error, whose message says what, why, and the way out."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+from t2tl_jax.names import nearest
+
+
+class UserError(ValueError):
+    """Something the user gave cannot be used; the message says what, why, and the way out."""
+
+
+def unknown(kind: str, given: str, known: Iterable[str]) -> UserError:
+    """The error for a name that does not exist, with the nearest one and all of them."""
+    names = sorted(known)
+    if not names:
+        return UserError(f"unknown {kind} {given!r}; none is registered")
+    return UserError(f"unknown {kind} {given!r}; did you mean {nearest(given, names)!r}?\nKnown: {', '.join(names)}")
+
+
+@contextmanager
+def explained() -> Iterator[None]:
+    """Around what the user gave: a ``ValueError`` of the library becomes a ``UserError`` in its words."""
+    try:
+        yield
+    except UserError:
+        raise
+    except ValueError as error:
+        raise UserError(str(error)) from error

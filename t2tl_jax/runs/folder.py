@@ -1,0 +1,166 @@
+"""The folder of a run: what it is called, what lies in it, and who may write to it."""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from t2tl_jax.runs import config_files, machine_files
+from experiments.configs import Config
+from t2tl_jax.errors import UserError
+
+
+class RunFolder:
+    """Names of the files of a run."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = Path(path)
+        self.config = self.path / "config.json"
+        self.versions = self.path / "versions.json"
+        self.status = self.path / "status.json"
+        self.metrics = self.path / "metrics.csv"
+        self.checkpoints = self.path / "checkpoints"
+        self.curves = self.path / "learning_curve.png"
+        self.gif = self.path / "episode.gif"
+        self.evaluation = self.path / "evaluation.json"
+
+
+def create(base: Path, name: str, config: Config, versions: dict[str, Any]) -> RunFolder:
+    """Make ``base/<name>/<time>`` with the resolved configuration and the versions. Never touches an existing folder.
+
+    A task from a file is copied; see ``machine_files.with_copy`` for the configuration that means the copy.
+
+    Raises:
+        UserError: if it cannot be written.
+    """
+    machine = machine_files.read(config)
+    stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    parent = Path(base).expanduser() / name
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        for attempt in range(1, 1000):
+            path = parent / (stamp if attempt == 1 else f"{stamp}_{attempt}")
+            try:
+                path.mkdir()
+                break
+            except FileExistsError:
+                continue
+        return _begin(path, config, machine, versions)
+    except OSError as error:
+        raise UserError(f"cannot create a run in {parent}: {error.strerror or error}; see --run.folder") from error
+
+
+def create_inside(outer: RunFolder, name: str, config: Config, versions: dict[str, Any]) -> RunFolder:
+    """A run in a folder of another run, made anew or as an interrupted session of the same configuration left it.
+
+    Raises:
+        UserError: if it cannot be written, or holds a run of another configuration.
+    """
+    path = outer.path / name
+    if (path / "config.json").is_file():
+        folder, stored = open_existing(path)
+        same = machine_files.same_task(stored.task, config.task)
+        if not same or replace(stored, run=config.run, task=config.task) != config:
+            raise UserError(f"{path} holds a run of another configuration; move it away")
+        return folder
+    machine = machine_files.read(config)
+    try:
+        path.mkdir(exist_ok=True)
+        return _begin(path, config, machine, versions)
+    except OSError as error:
+        raise UserError(f"cannot create a run in {path}: {error.strerror or error}") from error
+
+
+def _begin(path: Path, config: Config, machine: dict[str, bytes], versions: dict[str, Any]) -> RunFolder:
+    folder = RunFolder(path)
+    for name, content in machine.items():
+        (path / name).write_bytes(content)
+    write_json(folder.versions, {"started": versions})
+    write_config(folder, config)
+    return folder
+
+
+def write_config(folder: RunFolder, config: Config) -> None:
+    """Store the configuration of a run."""
+    write_text(folder.config, config_files.to_json(machine_files.as_stored(config, folder.path)))
+
+
+def open_existing(path: Path) -> tuple[RunFolder, Config]:
+    """The folder and the configuration of an earlier run; its task is the run's own copy if it comes from a file.
+
+    Raises:
+        UserError: if it is not a run, with the runs that lie nearby, or if its configuration does not fit this version.
+    """
+    folder = RunFolder(path)
+    if not folder.path.is_dir():
+        raise UserError(f"there is no folder {path}{_runs_near(folder.path)}")
+    if not folder.config.is_file():
+        raise UserError(f"{path} is not a run: it has no {folder.config.name}{_runs_near(folder.path)}")
+    return folder, machine_files.with_copy(config_files.load(folder.config), folder.path)
+
+
+@contextmanager
+def locked(folder: RunFolder) -> Iterator[None]:
+    """Keep other processes from training in the same folder. The lock ends with the process, however it ends.
+
+    Raises:
+        UserError: if another process holds it, or the folder cannot be written.
+    """
+    try:
+        file = open(folder.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115, closed below
+    except OSError as error:
+        raise UserError(f"cannot write to {folder.path}: {error.strerror}") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise UserError(f"another process is training in {folder.path}") from error
+        yield
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write indented JSON, whole or not at all."""
+    write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object of a run; an empty one if the file does not exist.
+
+    Raises:
+        UserError: if it holds something else.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise UserError(f"cannot read {path}: {error}") from error
+    if not isinstance(content, dict):
+        raise UserError(f"{path} should hold a JSON object")
+    return content
+
+
+def _runs_near(path: Path) -> str:
+    """Up to five newest runs below the given path or its nearest existing parent."""
+    start = path
+    while not start.is_dir() and start != start.parent:
+        start = start.parent
+    found = sorted(
+        (run.parent for pattern in ("config.json", "*/config.json", "*/*/config.json") for run in start.glob(pattern)),
+        key=lambda run: run.name,
+    )
+    if not found:
+        return "; a run is a folder such as runs/zone_ppo/2026-01-31_12-00-00"
+    return "\nRuns nearby:\n  " + "\n  ".join(map(str, found[-5:]))

@@ -1,0 +1,77 @@
+"""The host side of training: dispatch, record, save, stop. Everything else happens inside the compiled program."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+
+from t2tl_jax.training.types import Metrics
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """What the loop calls; all with iterations counted from 1."""
+
+    record: Callable[[int, Metrics], None]
+    """``(iteration, metrics on the host)``, once for every iteration, in order."""
+    save: Callable[[int, Any], None]
+    """``(iteration, train state)``; everything up to this iteration has been recorded."""
+    stop: Callable[[], bool]
+    """Whether to finish early."""
+    prepare: Callable[[int, Any], Any] = lambda done, train_state: train_state
+    """``(iterations behind us, train state)`` to the state that the next iteration starts from."""
+
+
+def train(
+    iterate: Callable[[Any], tuple[Any, Metrics]],
+    train_state: Any,
+    done: int,
+    total: int,
+    checkpoint_period: float,
+    hooks: Hooks,
+) -> tuple[int, Any]:
+    """Iterate from ``done`` to ``total`` iterations, or until asked to stop, and save at the end in both cases.
+
+    On accelerators the next iteration is dispatched before the metrics of the last one are fetched, so that the device
+    never waits for the host. A CPU gains nothing from that, and would take an iteration longer to stop.
+
+    Args:
+        iterate: the compiled program; it may reuse the memory of the state it is given.
+        train_state: after ``done`` iterations.
+        done: iterations behind us.
+        total: iterations in all.
+        checkpoint_period: seconds between checkpoints.
+        hooks: see there.
+
+    Returns:
+        The iteration reached and its state.
+    """
+    ahead = jax.default_backend() != "cpu"
+    pending: tuple[int, Metrics] | None = None
+    saved_at, saved_iteration = time.monotonic(), done
+    iteration = done
+    while iteration < total and not hooks.stop():
+        train_state, metrics = iterate(hooks.prepare(iteration, train_state))
+        iteration += 1
+        if pending is not None:
+            _record(pending, hooks)
+        pending = (iteration, metrics)
+        due = time.monotonic() - saved_at >= checkpoint_period
+        if due or not ahead:
+            _record(pending, hooks)
+            pending = None
+        if due and iteration < total:
+            hooks.save(iteration, train_state)
+            saved_at, saved_iteration = time.monotonic(), iteration
+    if pending is not None:
+        _record(pending, hooks)
+    if iteration > saved_iteration:
+        hooks.save(iteration, train_state)
+    return iteration, train_state
+
+
+def _record(pending: tuple[int, Metrics], hooks: Hooks) -> None:
+    iteration, metrics = pending
+    hooks.record(iteration, jax.device_get(metrics))  # waits for the device

@@ -1,0 +1,34 @@
+import jax
+import pytest
+
+from t2tl_jax.runs import loop
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gpu"])
+@pytest.mark.parametrize(("period", "stop_after"), [(1e9, None), (0.0, None), (1e9, 3), (0.0, 3), (1e9, 0)])
+def test_every_iteration_is_recorded_once_and_before_it_is_saved(monkeypatch, backend, period, stop_after):
+    monkeypatch.setattr(jax, "default_backend", lambda: backend)
+    events: list[tuple[str, int]] = []
+    dispatched = 0
+
+    def iterate(state):
+        nonlocal dispatched
+        dispatched += 1
+        return state + 1, {"iteration": state + 1}
+
+    def record(iteration, metrics):
+        assert metrics["iteration"] == iteration
+        events.append(("record", iteration))
+
+    def save(iteration, state):
+        assert state == iteration
+        assert ("record", iteration) in events
+        events.append(("save", iteration))
+
+    hooks = loop.Hooks(record, save, stop=lambda: stop_after is not None and dispatched >= stop_after)
+    reached, state = loop.train(iterate, 2, 2, 7, period, hooks)
+    expected = 7 if stop_after is None else 2 + stop_after
+    assert reached == state == expected
+    assert [n for kind, n in events if kind == "record"] == list(range(3, expected + 1))
+    saved = [n for kind, n in events if kind == "save"]
+    assert saved == ([] if expected == 2 else list(range(3, expected + 1)) if period == 0 else [expected])

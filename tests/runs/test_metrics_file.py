@@ -1,0 +1,74 @@
+"""What is left of a metrics file after a process was killed is read; damage is told with its place."""
+
+import re
+
+import numpy as np
+import pytest
+
+from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, MetricsFile, MetricsFileError, lines_up_to, read_columns
+
+HEADER = ",".join(FIXED_COLUMNS)
+ROWS = ("1,10,0,1,1,0,0,0.5,5,5", "1,10,1,0,,,,,,", "2,20,0,2,1,0,0,0.5,5,5", "2,20,1,1,1,0,0,0.5,5,5")
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Writes the rows, with others behind them, and returns the file."""
+
+    def of(*more: str, end: str = "\n"):
+        path = tmp_path / "metrics.csv"
+        path.write_text("\n".join([HEADER, *ROWS, *more]) + end)
+        return path
+
+    return of
+
+
+def test_empty_cells_are_nan(write):
+    columns = read_columns(write())
+    assert list(columns) == list(FIXED_COLUMNS)
+    np.testing.assert_array_equal(columns["discounted_return"], [0.5, np.nan, 0.5, 0.5])
+
+
+@pytest.mark.parametrize("cut", ["3,30,0,1,1,0,0,0.5,5", "3", "3,30,0,1,1,0,0,0.5,5,5"])
+def test_a_last_line_without_its_end_does_not_count(write, cut):
+    path = write(cut, end="")
+    assert read_columns(path)["iteration"].tolist() == [1, 1, 2, 2]
+    assert len(lines_up_to(path, 2)) == 5
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "holds no metrics yet"),
+        (HEADER.encode() + b"\n1,10", "holds no metrics yet"),
+        (b"a,b\n1,2\n", "not a metrics file"),
+        (b"\xff\xfe\n", "is damaged: 'utf-8' codec"),
+        (f"{HEADER}\n{ROWS[0]}\n1,10,0\n".encode(), "in line 3: 3 cells instead of 10"),
+        (
+            f"{HEADER}\n{ROWS[0].replace('0.5', 'much')}\n".encode(),
+            "in line 2: could not convert string",
+        ),
+        (f"{HEADER}\n{ROWS[0][1:]}\n".encode(), "in line 2: iteration, frames or seed is missing in ',10,0'"),
+        (f'{HEADER}\n{ROWS[0]}\n"{ROWS[1]}\n'.encode(), "in line 3"),
+    ],
+)
+def test_damage_is_told_with_its_place(tmp_path, content, said):
+    path = tmp_path / "metrics.csv"
+    path.write_bytes(content)
+    for read in (read_columns, lambda path: lines_up_to(path, 1), lambda path: MetricsFile(path, after=1)):
+        with pytest.raises(MetricsFileError, match=re.escape(said)):
+            read(path)
+    assert path.read_bytes() == content
+
+
+def test_a_resumed_file_keeps_the_rows_up_to_the_checkpoint(write):
+    path = write("3,30,0,1,1,0,0,0.5,5,5")
+    MetricsFile(path, after=1).close()
+    assert path.read_text().splitlines() == [HEADER, *ROWS[:2]]
+
+
+def test_rows_that_a_checkpoint_counts_on_must_be_there(write, tmp_path):
+    with pytest.raises(MetricsFileError, match="ends at iteration 2, but the checkpoint stands at 3"):
+        lines_up_to(write(), 3)
+    with pytest.raises(MetricsFileError, match="is missing, but the checkpoint stands at iteration 3"):
+        lines_up_to(tmp_path / "other.csv", 3)
