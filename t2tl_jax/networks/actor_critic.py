@@ -1,6 +1,6 @@
 """The actor-critic of the published code: environment encoder, task embedding, context, actor, critic."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import jax
@@ -12,16 +12,23 @@ from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
 from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
 from t2tl_jax.networks.initializers import unit_norm
-from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, make_task_encoder
+from t2tl_jax.networks.task_encoder import TaskEncoder, TaskEncoderConfig
+from t2tl_jax.networks.task_encoders import make_task_encoder
+from t2tl_jax.networks.transformer import TransformerConfig
 
 MINIMUM_STD = 1e-3
 MEAN_RANGE = 2.0
 
 
 @dataclass(frozen=True)
-class NetworkConfig(TaskEncoderConfig):
+class NetworkConfig:
     """Everything between an observation with a task row and an action with a value."""
 
+    task_encoder: TaskEncoderConfig = field(default_factory=TransformerConfig)
+    """How a task becomes numbers: its formula read by a Transformer (T1TL), a graph network or a recurrent one, the
+    state of its automaton or reward machine as a unit vector (DFA, RM), or any other that is registered."""
+    freeze_task_encoder: bool = False
+    """Keep the task encoder as it is, for one that was pre-trained."""
     env_layers: tuple[int, ...] = (128, 64)
     """Hidden sizes of the environment encoder; empty for none: the observation itself, which may be empty too."""
     actor_layers: tuple[int, ...] = (64, 64, 64)
@@ -39,7 +46,6 @@ class NetworkConfig(TaskEncoderConfig):
     """The Transformer that reads the last steps of the episode (T2TL); None for a policy without memory (T1TL)."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         checks.sizes(self, "env_layers", "actor_layers", "critic_layers")
         checks.not_negative(self, "mean_scale", "value_scale")
 
@@ -113,7 +119,7 @@ class ActorCritic(MemoryNetwork):
 
     def setup(self) -> None:
         """Name the parts; parameters live under these names in checkpoints."""
-        self.task_encoder: TaskEncoder = make_task_encoder(self.config)
+        self.task_encoder: TaskEncoder = make_task_encoder(self.config.task_encoder)
         self.environment_encoder = EnvironmentEncoder(self.config)
         self.actor = Actor(self.config.actor_layers, self.action_size, self.config.mean_scale, self.discrete)
         self.critic = Critic(self.config.critic_layers, self.config.value_scale)

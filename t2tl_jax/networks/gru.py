@@ -8,10 +8,11 @@ from flax import linen as nn
 
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.initializers import unit_norm
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 
 
 @dataclass(frozen=True)
-class GRUConfig:
+class GRUConfig(TaskEncoderConfig):
     """Sizes of the recurrent network."""
 
     width: int = 64
@@ -22,6 +23,11 @@ class GRUConfig:
     def __post_init__(self) -> None:
         if min(self.width, self.output) < 1:
             raise ValueError(f"sizes of the recurrent network must be at least 1, got {self}")
+
+    @property
+    def code_size(self) -> int:
+        """Numbers in the code of a task."""
+        return self.output
 
 
 class GRUTaskEncoder(nn.Module):

@@ -16,21 +16,21 @@ from flax import linen as nn
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
-from t2tl_jax.networks.gru import GRUConfig
-from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, embedding_size, make_task_encoder
+from t2tl_jax.networks.task_encoder import TaskEncoder, TaskEncoderConfig
+from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
 
 HE = nn.initializers.orthogonal(2**0.5)
 
 
 @dataclass(frozen=True)
-class QNetworkConfig(TaskEncoderConfig):
+class QNetworkConfig:
     """Everything between an observation with a task row and the values of the actions."""
 
-    transformer: TransformerConfig = field(default_factory=lambda: TransformerConfig(output=32))
-    """The formula's Transformer; 32 outputs as published for WaterWorld."""
-    gru: GRUConfig = field(default_factory=lambda: GRUConfig(output=32))
-    """The formula's recurrent network; 32 outputs as the others."""
+    task_encoder: TaskEncoderConfig = field(default_factory=lambda: TransformerConfig(output=32))
+    """How a task becomes numbers, as in `NetworkConfig`; 32 of them as published for WaterWorld."""
+    freeze_task_encoder: bool = False
+    """Keep the task encoder as it is, for one that was pre-trained."""
     state_layers: tuple[int, ...] = (512, 512)
     """Hidden sizes of the part that reads the state, shared by all tasks."""
     task_layer: int = 256
@@ -45,7 +45,6 @@ class QNetworkConfig(TaskEncoderConfig):
     first layer, which also embeds the observations of the window. None for a policy without memory."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         checks.sizes(self, "state_layers")
         checks.counts(self, "task_layer")
         if self.context is not None and not self.context.aligned:
@@ -63,14 +62,14 @@ class QNetwork(MemoryNetwork):
     def setup(self) -> None:
         """Name the parts; parameters live under these names in checkpoints."""
         config = self.config
-        self.task_encoder: TaskEncoder = make_task_encoder(config)
+        self.task_encoder: TaskEncoder = make_task_encoder(config.task_encoder)
         self.state_encoder = [nn.Dense(size, kernel_init=HE) for size in (*config.state_layers, config.task_layer)]
         if config.context is not None:
             self.context_encoder = ContextEncoder(config.context, self.num_actions)
         if config.head == "bilinear":
             # A matrix from the task's code and a constant to the actions' advantages and the state's value. Its entries
             # are one axis of the parameters: the few actions as the last axis make Adam several times slower on a CPU.
-            codes, values = embedding_size(config) + 1, self.num_actions + 1
+            codes, values = config.task_encoder.code_size + 1, self.num_actions + 1
             small = nn.initializers.variance_scaling(1.0 / codes, "fan_in", "truncated_normal")
             self.matrix = nn.Dense(codes * values, kernel_init=small)
         else:
@@ -122,7 +121,7 @@ class QNetwork(MemoryNetwork):
         Learned codes are up to sqrt(dim) long, one-hot ones 1. Unscaled, a step of Adam on the matrix would move the
         values of learned codes many times as far, and no one learning rate would suit both.
         """
-        if self.config.task_encoder != "one_hot":
+        if self.config.task_encoder.learned:
             embedding = embedding / embedding.shape[-1] ** 0.5
         return jnp.concatenate([embedding, jnp.ones_like(embedding[..., :1])], axis=-1)
 

@@ -14,13 +14,14 @@ from flax import linen as nn
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.ltl.tokens import NUM_OPERANDS
 from t2tl_jax.networks.initializers import unit_norm
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 
 SELF, ARG, ARG1, ARG2 = range(4)
 """Relations: a node to itself; to its operator from the operand of a unary one, and from both of a binary one."""
 
 
 @dataclass(frozen=True)
-class RGCNConfig:
+class RGCNConfig(TaskEncoderConfig):
     """Sizes of the graph network; the defaults are the published ones."""
 
     width: int = 32
@@ -33,6 +34,11 @@ class RGCNConfig:
     def __post_init__(self) -> None:
         if min(self.width, self.layers, self.output) < 1:
             raise ValueError(f"sizes of the graph network must be at least 1, got {self}")
+
+    @property
+    def code_size(self) -> int:
+        """Numbers in the code of a task."""
+        return self.output
 
 
 def operands(tokens: jax.Array) -> jax.Array:

@@ -13,12 +13,13 @@ import numpy as np
 from flax import linen as nn
 
 from t2tl_jax.networks.initializers import joint_qkv, t_fixup_embedding, t_fixup_scale, unit_norm
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 
 LAYER_NORM_EPSILON = 1e-5
 
 
 @dataclass(frozen=True)
-class TransformerConfig:
+class TransformerConfig(TaskEncoderConfig):
     """Sizes and switches of one Transformer encoder."""
 
     layers: int = 4
@@ -49,6 +50,16 @@ class TransformerConfig:
             raise ValueError(f"sizes of a Transformer must be at least 1, got {self}")
         if self.heads < 1 or self.width % self.heads:
             raise ValueError(f"heads must divide width, got width={self.width} and heads={self.heads}")
+
+    @property
+    def code_size(self) -> int:
+        """Numbers in the code of a task."""
+        return self.output
+
+    @property
+    def reads_padding(self) -> bool:
+        """Without its mask, as published, it reads padding like any token."""
+        return not self.masked
 
 
 def sinusoidal_positions(length: int, width: int) -> np.ndarray:

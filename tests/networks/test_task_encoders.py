@@ -1,6 +1,5 @@
 """Task encoders: the graph network against a walk over the tree, the recurrent one against a loop, codes of states."""
 
-import dataclasses
 import math
 from functools import partial
 
@@ -16,7 +15,7 @@ from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.rgcn import RGCNConfig, second_operand
-from t2tl_jax.networks.task_encoders import OneHotTaskEncoder, TaskEncoderConfig, make_task_encoder
+from t2tl_jax.networks.task_encoders import OneHotConfig, OneHotTaskEncoder, make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
 
 PROPOSITIONS = ("Black", "White", "Red", "Yellow")
@@ -26,8 +25,7 @@ SIZES = {
     "rgcn": RGCNConfig(width=6, layers=3, output=5),
     "gru": GRUConfig(width=6, output=5),
 }
-SMALL = TaskEncoderConfig(**SIZES)
-READERS = ("transformer", "rgcn", "gru")
+READERS = tuple(SIZES)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +36,7 @@ def table() -> TaskTable:
 @pytest.fixture(scope="module", params=READERS)
 def reader(request, table):
     """An encoder of formulas as (compiled function of params and table, params)."""
-    encoder = make_task_encoder(dataclasses.replace(SMALL, task_encoder=request.param))
+    encoder = make_task_encoder(SIZES[request.param])
     params = jax.jit(encoder.init)(jax.random.key(1), table)
     return jax.jit(encoder.apply), params
 
@@ -78,7 +76,7 @@ def test_second_operand_is_where_the_tree_says(table):
 @pytest.mark.parametrize("layers", [1, 3])
 def test_graph_network_equals_a_walk_over_the_tree(table, layers):
     """Round by round and node by node in NumPy, with the network's weights."""
-    encoder = make_task_encoder(TaskEncoderConfig("rgcn", rgcn=RGCNConfig(width=6, layers=layers, output=5)))
+    encoder = make_task_encoder(RGCNConfig(width=6, layers=layers, output=5))
     variables = jax.jit(encoder.init)(jax.random.key(2), table)
     bias = jax.random.normal(jax.random.key(3), (6,))
     variables["params"]["convolution"]["bias"] = bias  # it starts at 0, which would hide its absence
@@ -106,14 +104,14 @@ def test_graph_network_equals_a_walk_over_the_tree(table, layers):
 
 def test_published_graph_network_has_its_size():
     """Linear 22 -> 32, one convolution of four relations 64 -> 32 for all eight rounds, Linear 32 -> 32."""
-    encoder = make_task_encoder(TaskEncoderConfig("rgcn"))
+    encoder = make_task_encoder(RGCNConfig())
     table = compile_tasks(TASKS, PROPOSITIONS, "at_most_one")
     variables = jax.eval_shape(encoder.init, jax.random.key(0), table)
     assert sum(leaf.size for leaf in jax.tree.leaves(variables)) == 22 * 32 + 32 + 4 * 64 * 32 + 32 + 32 * 32 + 32
 
 
 def test_recurrent_network_equals_a_loop_over_the_tokens(table):
-    encoder = make_task_encoder(dataclasses.replace(SMALL, task_encoder="gru"))
+    encoder = make_task_encoder(SIZES["gru"])
     variables = jax.jit(encoder.init)(jax.random.key(4), table)
     params = variables["params"]
     cell, step = {"params": params["cell"]}, jax.jit(nn.GRUCell(6).apply)
@@ -133,18 +131,18 @@ def test_one_hot_code_numbers_the_open_rows():
     for size in (6, 16, 32):
         padded = OneHotTaskEncoder(size).apply({}, table)
         np.testing.assert_array_equal(padded, np.pad(code, ((0, 0), (0, size - 4))))
-    np.testing.assert_array_equal(OneHotTaskEncoder(1).apply({}, table), [[0], [0], [1], [2], [3]])
+    np.testing.assert_array_equal(OneHotTaskEncoder(OneHotConfig(1)).apply({}, table), [[0], [0], [1], [2], [3]])
 
 
 def test_machines_have_codes_but_nothing_to_read():
     """Both networks, so that every learner refuses in the same words."""
     table = compile_reward_machines(named_machines("rm_t10"), tuple("abcdef"), "every_subset")
-    assert OneHotTaskEncoder(32).apply({}, table).shape == (table.num_rows, 32)
-    assert OneHotTaskEncoder(1).apply({}, table)[-1] == table.num_rows - 2
+    assert OneHotTaskEncoder(OneHotConfig(32)).apply({}, table).shape == (table.num_rows, 32)
+    assert OneHotTaskEncoder(OneHotConfig(1)).apply({}, table)[-1] == table.num_rows - 2
     for name in READERS:
         for network in (
-            ActorCritic(NetworkConfig(task_encoder=name), 2),
-            QNetwork(QNetworkConfig(task_encoder=name), 5),
+            ActorCritic(NetworkConfig(task_encoder=SIZES[name]), 2),
+            QNetwork(QNetworkConfig(task_encoder=SIZES[name]), 5),
         ):
             with pytest.raises(ValueError, match="no formula to read: use a one-hot task encoder"):
                 jax.eval_shape(partial(network.init, method="embed"), jax.random.key(0), table)
@@ -153,7 +151,7 @@ def test_machines_have_codes_but_nothing_to_read():
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: NetworkConfig(one_hot_size=0), "one_hot_size must be at least 1"),
+        (lambda: OneHotConfig(0), "size must be at least 1"),
         (lambda: RGCNConfig(layers=0), "at least 1"),
         (lambda: NetworkConfig(env_layers=(64, 0)), r"env_layers are sizes of layers, each at least 1, got \(64, 0\)"),
         (lambda: NetworkConfig(value_scale=math.nan), "value_scale must be a finite number"),
@@ -172,8 +170,8 @@ def test_sizes_are_checked(make, said):
 
 def test_too_many_states_for_the_code():
     table = compile_tasks("F(Red & F(Black & F Yellow))", PROPOSITIONS, "at_most_one")
-    network = ActorCritic(NetworkConfig(task_encoder="one_hot", one_hot_size=2), 2)
-    with pytest.raises(ValueError, match=r"set network.one_hot_size to 3 or more \(or to 1"):
+    network = ActorCritic(NetworkConfig(task_encoder=OneHotConfig(2)), 2)
+    with pytest.raises(ValueError, match=r"set task_encoder.size to 3 or more \(or to 1"):
         network.init(jax.random.key(0), table, jnp.zeros(76), jnp.int32(2), method="initialise")
 
 
@@ -183,8 +181,8 @@ def test_all_networks_take_any_encoder(table):
         shapes = [
             jax.eval_shape(partial(network.init, method="embed"), jax.random.key(0), table)["params"]["task_encoder"]
             for network in (
-                ActorCritic(NetworkConfig(task_encoder=name, **SIZES), 2),
-                QNetwork(QNetworkConfig(task_encoder=name, **SIZES), 5),
+                ActorCritic(NetworkConfig(task_encoder=SIZES[name]), 2),
+                QNetwork(QNetworkConfig(task_encoder=SIZES[name]), 5),
             )
         ]
         assert shapes[0] == shapes[1]

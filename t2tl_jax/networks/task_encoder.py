@@ -1,0 +1,43 @@
+"""What a representation of tasks offers: a module from the task table to one vector a row, and its configuration.
+
+An encoder maps the table, not the batch: the policy reads `embedding[row]`, so every distinct formula is encoded once
+per gradient step, however many samples of the batch are in that row. Learned and fixed representations are one program
+with another encoder.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import jax
+
+from t2tl_jax.ltl import TaskTable
+
+
+@dataclass(frozen=True)
+class TaskEncoderConfig:
+    """Base class of every task encoder's configuration; `register_task_encoder` joins it to the module that it makes.
+
+    A subclass has a field or property `code_size`, the numbers in the code of a task.
+    """
+
+    learned: ClassVar[bool] = True
+    """Whether the encoder reads formulas with parameters of its own, which can be pre-trained and carry over to tasks
+    that were not seen before. Codes that are not learned have length 1."""
+
+    @property
+    def code_size(self) -> int:
+        """Numbers in the code of a task."""
+        raise NotImplementedError
+
+    @property
+    def reads_padding(self) -> bool:
+        """Whether the code of a formula depends on how much padding stands behind it."""
+        return False
+
+
+class TaskEncoder(Protocol):
+    """What the networks need of a representation of tasks."""
+
+    def __call__(self, table: TaskTable) -> jax.Array:
+        """Encode every row of the table: float32[rows, code_size]."""
+        ...

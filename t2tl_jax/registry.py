@@ -1,0 +1,220 @@
+"""What has a name: environments, task encoders, learners and configurations; families of tasks are in `t2tl_jax.ltl`.
+
+Names are for command lines and for stored configurations. What the project ships is registered by the same functions
+as what a user brings along. A package that declares an entry point in the group ``t2tl_jax.plugins`` is found by
+itself; other modules are named on the command line (``--import MODULE``), or imported by the program that uses them.
+"""
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, is_dataclass
+from importlib.metadata import entry_points
+from typing import Any, Generic, TypeVar
+
+from t2tl_jax.errors import UserError, unknown
+
+T = TypeVar("T")
+
+PLUGINS = "t2tl_jax.plugins"
+"""Group of entry points, each a module that registers something when it is imported."""
+
+
+@dataclass(frozen=True)
+class Kind(Generic[T]):
+    """One registered kind of thing."""
+
+    config: type
+    """The dataclass that describes it."""
+    make: Callable[..., T]
+    """From an instance of that dataclass (and what else the registry's things are made of) to the thing."""
+
+
+class Registry(Generic[T]):
+    """Kinds of one thing by name."""
+
+    def __init__(self, thing: str, function: str) -> None:
+        """`thing` and `function` say in messages what is registered, and by which function."""
+        self.thing, self._function = thing, function
+        self._kinds: dict[str, Kind[T]] = {}
+
+    def register(self, name: str, config: type, make: Callable[..., T]) -> None:
+        """Add a kind.
+
+        Raises:
+            ValueError: for a name or a class that is taken by another kind, or a class that is no frozen dataclass.
+        """
+        if not is_dataclass(config) or not config.__dataclass_params__.frozen:  # type: ignore[attr-defined]
+            raise ValueError(f"{self.thing} {name!r} needs a frozen dataclass for its configuration, got {config!r}")
+        for other, kind in self._kinds.items():
+            if (other == name) != (kind.config is config):
+                raise ValueError(
+                    f"cannot register the {self.thing} {name!r} with {config.__qualname__}: {other!r} is registered "
+                    f"with {kind.config.__qualname__}; choose another name, and one class for each"
+                )
+        self._kinds[name] = Kind(config, make)
+
+    def names(self) -> tuple[str, ...]:
+        """All names, in the order of registration."""
+        load_plugins()
+        return tuple(self._kinds)
+
+    def classes(self) -> tuple[type, ...]:
+        """All classes of configurations."""
+        load_plugins()
+        return tuple(kind.config for kind in self._kinds.values())
+
+    def config_class(self, name: str) -> type:
+        """The class of configurations with this name.
+
+        Raises:
+            UserError: for an unknown name, with the nearest.
+        """
+        if name not in self._kinds:
+            load_plugins()
+        if name not in self._kinds:
+            error = unknown(self.thing, name, self._kinds)
+            raise UserError(f"{error}\nOne of your own is known once its module is imported: --import MODULE")
+        return self._kinds[name].config
+
+    def name_of(self, config: Any) -> str:
+        """The name under which the class of `config` is registered.
+
+        Raises:
+            UserError: if it is not.
+        """
+        return self._find(config)[0]
+
+    def make(self, config: Any, *arguments: Any) -> T:
+        """The thing that `config` describes; UserError if its class is not registered."""
+        return self._find(config)[1].make(config, *arguments)
+
+    def _find(self, config: Any) -> tuple[str, Kind[T]]:
+        for name, kind in self._kinds.items():
+            if kind.config is type(config):
+                return name, kind
+        raise UserError(
+            f"{type(config).__qualname__} is not the configuration of a registered {self.thing}; "
+            f"register it with {self._function}(name, {type(config).__name__}, make)"
+        )
+
+
+ENVS: Registry = Registry("environment", "register_env")
+TASK_ENCODERS: Registry = Registry("task encoder", "register_task_encoder")
+AGENTS: Registry = Registry("learner", "register_agent")
+
+_CONFIGS: dict[str, tuple[Any, str]] = {}
+_NAMED_ENVS: dict[str, Any] = {}
+
+
+def register_env(name: str, config: type, make: Callable[..., Any], named: Mapping[str, Any] | None = None) -> None:
+    """Register an environment: ``make(config)`` gives a `LabelledEnv`.
+
+    Args:
+        name: what stored configurations and ``--env NAME`` call it.
+        config: a frozen dataclass derived from `EnvConfig`, whose fields become flags.
+        make: from an instance of it to the environment.
+        named: instances of the configuration with names of their own, such as published ones.
+
+    Raises:
+        ValueError: if the name or the class is taken.
+    """
+    ENVS.register(name, config, make)
+    for key, value in (named or {}).items():
+        if key in _NAMED_ENVS and _NAMED_ENVS[key] != value:
+            raise ValueError(f"another environment is registered as {key!r}; choose another name")
+        _NAMED_ENVS[key] = value
+
+
+def register_task_encoder(name: str, config: type, make: Callable[..., Any]) -> None:
+    """Register a task encoder: ``make(config)`` gives a Flax module from `TaskTable` to float32[rows, code_size].
+
+    Args:
+        name: what stored configurations and ``--learner.network.task-encoder NAME`` call it.
+        config: a frozen dataclass derived from `TaskEncoderConfig`.
+        make: from an instance of it to the module.
+
+    Raises:
+        ValueError: if the name or the class is taken.
+    """
+    TASK_ENCODERS.register(name, config, make)
+
+
+def register_agent(name: str, config: type, make: Callable[..., Any]) -> None:
+    """Register a learner: ``make(task_env, config, episode_length, iterations)`` gives an `Agent`.
+
+    Args:
+        name: what stored configurations and ``--learner NAME`` call it.
+        config: a frozen dataclass derived from `LearnerConfig`, which owns the network's configuration.
+        make: from the environment, an instance of it, the time limit in steps and the length of the run in iterations.
+
+    Raises:
+        ValueError: if the name or the class is taken.
+    """
+    AGENTS.register(name, config, make)
+
+
+def register_config(name: str, config: Any, summary: str = "") -> None:
+    """Register a named configuration, a `Config`, with one line about it for ``--list``.
+
+    Raises:
+        ValueError: if the name belongs to another configuration.
+    """
+    if name in _CONFIGS and _CONFIGS[name] != (config, summary):
+        raise ValueError(f"another configuration is registered as {name!r}; choose another name")
+    _CONFIGS[name] = (config, summary)
+
+
+def configs() -> dict[str, tuple[Any, str]]:
+    """Every named configuration and the line about it."""
+    load_plugins()
+    return dict(_CONFIGS)
+
+
+def named_config(name: str) -> Any:
+    """The configuration with this name.
+
+    Raises:
+        UserError: for an unknown name, with the nearest.
+    """
+    if name not in _CONFIGS:
+        load_plugins()
+    if name not in _CONFIGS:
+        raise unknown("config", name, _CONFIGS)
+    return _CONFIGS[name][0]
+
+
+def make_env(name_or_config: Any) -> Any:
+    """Build an environment from its configuration, from the name of one, or from the name of its kind.
+
+    Raises:
+        UserError: for an unknown name, with the nearest, or a configuration of a class that is not registered.
+    """
+    if not isinstance(name_or_config, str):
+        return ENVS.make(name_or_config)
+    known: Iterable[str] = {*env_names(), *ENVS.names()}
+    if name_or_config in _NAMED_ENVS:
+        return ENVS.make(_NAMED_ENVS[name_or_config])
+    if name_or_config not in known:
+        raise unknown("environment", name_or_config, known)
+    return ENVS.make(ENVS.config_class(name_or_config)())
+
+
+def env_names() -> tuple[str, ...]:
+    """The names of single environments, such as ``Zones-25-v1``."""
+    load_plugins()
+    return tuple(_NAMED_ENVS)
+
+
+_loaded: set[str] = set()
+
+
+def load_plugins() -> None:
+    """Import what installed packages declare as plugins, once; warn of one that cannot be imported."""
+    for plugin in entry_points(group=PLUGINS):
+        if plugin.value in _loaded:
+            continue
+        _loaded.add(plugin.value)
+        try:
+            plugin.load()
+        except ImportError as error:
+            warnings.warn(f"the plugin {plugin.name} = {plugin.value} cannot be imported: {error}", stacklevel=2)
