@@ -1,30 +1,29 @@
-"""A configuration as JSON and back. Only the fields of the dataclasses are accepted, so a file cannot run code."""
+"""A configuration as JSON and back. Only the fields of the dataclasses are accepted, so a file cannot run code.
+
+Which dataclass an environment, a learner or a task encoder is, says its field ``kind``: a name of the registry.
+"""
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cattrs
 
-from envs.registry import EnvConfig
-from envs.single_state import SingleStateConfig
-from envs.waterworld import WaterWorldConfig
-from envs.zones import ZoneConfig
-from experiments.configs import Config
+import t2tl_jax.agents  # noqa: F401, registers the learners and, with them, the task encoders
+from t2tl_jax.env import EnvConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.names import nearest
-from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.q_network import QNetworkConfig
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.registry import AGENTS, ENVS, TASK_ENCODERS, Registry
+from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.migration import VERSION, migrated
+from t2tl_jax.training.types import LearnerConfig
 
 KIND = "kind"
 """Field of the JSON that says which of several dataclasses an object is."""
 
-UNIONS: dict[Any, dict[str, type]] = {
-    EnvConfig: {"zones": ZoneConfig, "waterworld": WaterWorldConfig, "single_state": SingleStateConfig},
-    NetworkConfig | QNetworkConfig: {"actor_critic": NetworkConfig, "action_values": QNetworkConfig},
-}
-"""Fields of ``Config`` that may be of several dataclasses. The first one is meant where no kind is named."""
+REGISTRIES: dict[type, Registry] = {EnvConfig: ENVS, LearnerConfig: AGENTS, TaskEncoderConfig: TASK_ENCODERS}
+"""Where the kinds of a base class are registered."""
 
 
 def _converter() -> cattrs.Converter:
@@ -33,19 +32,35 @@ def _converter() -> cattrs.Converter:
     for kind in (bool, int, str):
         converter.register_structure_hook(kind, _exactly)
     converter.register_structure_hook(float, _number)
-    for union, kinds in UNIONS.items():
-        converter.register_structure_hook(union, partial(_of_a_kind, converter, kinds))
-        converter.register_unstructure_hook(union, partial(_with_its_kind, converter, kinds))
+
+    def structured(registry: Registry, value: Any) -> Any:
+        fields = dict(value) if isinstance(value, dict) else {}
+        if KIND not in fields:
+            raise ValueError(f"expected an object with the {KIND} of a {registry.thing}, got {value!r}")
+        return converter.structure(fields, registry.config_class(fields.pop(KIND)))
+
+    def with_kind(registry: Registry, value: Any) -> dict[str, Any]:
+        return {KIND: registry.name_of(value), **converter.unstructure(value)}
+
+    for base, registry in REGISTRIES.items():
+        converter.register_structure_hook(base, lambda value, _, registry=registry: structured(registry, value))
+        # Only fields that are declared with the base class hold one of several kinds.
+        converter.register_unstructure_hook(base, lambda value, registry=registry: with_kind(registry, value))
     return converter
 
 
 def to_json(config: Config) -> str:
-    """The configuration with every field, as indented JSON."""
-    return json.dumps(_converter().unstructure(config), indent=2, ensure_ascii=False) + "\n"
+    """The configuration with every field, as indented JSON.
+
+    Raises:
+        UserError: if its environment, learner or task encoder is of no registered kind.
+    """
+    content = {"version": VERSION, **_converter().unstructure(config, Config)}
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
 def from_json(text: str, source: str) -> Config:
-    """Read a configuration.
+    """Read a configuration, of this version or of an earlier one.
 
     Args:
         text: JSON, as written by ``to_json``.
@@ -59,7 +74,7 @@ def from_json(text: str, source: str) -> Config:
     except ValueError as error:
         raise UserError(f"{source} is not valid JSON: {error}") from error
     try:
-        return _converter().structure(data, Config)
+        return _converter().structure(migrated(data), Config)
     except Exception as error:  # cattrs groups whatever the dataclasses raise
         problems = [_readable(line) for line in cattrs.transform_error(error, path="config", format_exception=_explain)]
         raise UserError(
@@ -90,19 +105,6 @@ def _number(value: Any, kind: type) -> float:
     return float(value)
 
 
-def _of_a_kind(converter: cattrs.Converter, kinds: dict[str, type], value: Any, union: Any) -> Any:
-    fields = dict(value) if isinstance(value, dict) else value
-    kind = fields.pop(KIND, next(iter(kinds))) if isinstance(value, dict) else next(iter(kinds))
-    if kind not in kinds:
-        raise ValueError(f"unknown {KIND} {kind!r}, known: {', '.join(kinds)}")
-    return converter.structure(fields, kinds[kind])
-
-
-def _with_its_kind(converter: cattrs.Converter, kinds: dict[str, type], value: Any) -> dict[str, Any]:
-    (kind,) = (name for name, one in kinds.items() if type(value) is one)
-    return {KIND: kind, **converter.unstructure(value)}
-
-
 def _explain(error: BaseException, kind: type | None) -> str:
     if isinstance(error, cattrs.ForbiddenExtraKeysError):
         known = [field.name for field in error.cl.__dataclass_fields__.values()]  # type: ignore[attr-defined]
@@ -115,6 +117,6 @@ def _explain(error: BaseException, kind: type | None) -> str:
 
 
 def _readable(problem: str) -> str:
-    """cattrs ends each problem with `` @ config.ppo``; put the place first."""
+    """cattrs ends each problem with `` @ config.learner``; put the place first."""
     text, _, place = problem.rpartition(" @ ")
-    return f"{place}: {text}"
+    return f"{place}: {text}" if place else text

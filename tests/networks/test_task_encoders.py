@@ -126,10 +126,10 @@ def test_recurrent_network_equals_a_loop_over_the_tokens(table):
 
 def test_one_hot_code_numbers_the_open_rows():
     table = compile_tasks("F(Red & F(Black & F Yellow))", PROPOSITIONS, "at_most_one")
-    code = OneHotTaskEncoder(4).apply({}, table)
+    code = OneHotTaskEncoder(OneHotConfig(4)).apply({}, table)
     np.testing.assert_array_equal(code, [[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]])
     for size in (6, 16, 32):
-        padded = OneHotTaskEncoder(size).apply({}, table)
+        padded = OneHotTaskEncoder(OneHotConfig(size)).apply({}, table)
         np.testing.assert_array_equal(padded, np.pad(code, ((0, 0), (0, size - 4))))
     np.testing.assert_array_equal(OneHotTaskEncoder(OneHotConfig(1)).apply({}, table), [[0], [0], [1], [2], [3]])
 
