@@ -1,11 +1,10 @@
 """Environments by name."""
 
-import difflib
-
 from envs.base import LabelledEnv
 from envs.single_state import SingleState, SingleStateConfig
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
 from envs.zones import ZoneConfig, ZoneEnv
+from t2tl_jax.names import nearest
 
 EnvConfig = ZoneConfig | WaterWorldConfig | SingleStateConfig
 """Configurations of the environments that are registered here."""
@@ -35,8 +34,8 @@ def make(name_or_config: str | EnvConfig) -> LabelledEnv:
     if isinstance(name_or_config, SingleStateConfig):
         return SingleState(name_or_config)
     if name_or_config not in CONFIGS:
-        near = difflib.get_close_matches(name_or_config, CONFIGS, n=1, cutoff=0.0)
         raise ValueError(
-            f"unknown environment {name_or_config!r}; did you mean {near[0]!r}? Known: {', '.join(sorted(CONFIGS))}"
+            f"unknown environment {name_or_config!r}; did you mean {nearest(name_or_config, CONFIGS)!r}? "
+            f"Known: {', '.join(sorted(CONFIGS))}"
         )
     return make(CONFIGS[name_or_config])

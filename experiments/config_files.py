@@ -12,7 +12,8 @@ from envs.single_state import SingleStateConfig
 from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
 from experiments.configs import Config
-from experiments.errors import UserError, nearest
+from experiments.errors import UserError
+from t2tl_jax.names import nearest
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 

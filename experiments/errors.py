@@ -1,9 +1,10 @@
 """How a command of this package ends: a message that fits on one screen instead of a traceback."""
 
-import difflib
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+
+from t2tl_jax.names import nearest
 
 INVALID = 2
 """Exit code for input that cannot be used."""
@@ -11,14 +12,6 @@ INVALID = 2
 
 class UserError(Exception):
     """Something the user gave cannot be used; the message says what, why, and the way out."""
-
-
-def nearest(given: str, known: Iterable[str]) -> str:
-    """The known name most like the given one, whatever the case of its letters."""
-    names = sorted(known)
-    folded = {name.lower(): name for name in names}
-    close = difflib.get_close_matches(given.lower(), folded, n=1, cutoff=0.0)
-    return folded[close[0]]
 
 
 def unknown(kind: str, given: str, known: Iterable[str]) -> UserError:

@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 
 import tyro
 
-from experiments.errors import UserError, nearest, unknown
+from experiments.errors import UserError, unknown
+from t2tl_jax.names import nearest
 
 T = TypeVar("T")
 
