@@ -1,8 +1,8 @@
 """Tasks as co-safe linear temporal logic or as reward machines: from text to the task table.
 
-Text becomes a tree in `parser` (`formula`) or a machine in `reward_machine`, `compiler` makes an automaton of it, and
-`table` writes that as arrays. `tasks` and `families` name tasks, `pool` makes tables of random ones, and `describe` puts
-automata into words.
+`parser` and `reward_machine` read text (the first into a `formula`), `compiler` makes an automaton of that, and `table`
+writes it as arrays. `tasks` and `families` name tasks, `pool` makes tables of random ones, and `describe` puts automata
+into words.
 
 Everything up to the table is plain Python; JAX is imported only when `TaskTable` or a function that compiles one is
 first used.
