@@ -165,7 +165,7 @@ def _no_attention(encoder: str) -> str:
 
 def _row(asked: int | None, table: Any) -> int:
     """The row to read; by default the task's first one."""
-    from t2tl_jax.ltl.automaton import no_formulas
+    from t2tl_jax.ltl.errors import no_formulas
 
     if table.states:
         raise no_formulas()

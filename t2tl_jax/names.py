@@ -1,12 +1,20 @@
-"""The nearest of the names that exist, for messages about one that does not."""
+"""The known name that a misspelt one most likely means."""
 
 import difflib
 from collections.abc import Iterable
 
 
-def nearest(given: str, known: Iterable[str]) -> str:
-    """The known name most like the given one, whatever the case of its letters."""
-    names = sorted(known)
-    folded = {name.lower(): name for name in names}
-    close = difflib.get_close_matches(given.lower(), folded, n=1, cutoff=0.0)
-    return folded[close[0]]
+def nearest(given: str, known: Iterable[str], cutoff: float = 0.0) -> str:
+    """The known name most like the given one, whatever the case of its letters.
+
+    Args:
+        given: what somebody wrote.
+        known: the names that there are.
+        cutoff: how like the nearest name must be, from 0, anything will do, to 1, equal but for the case.
+
+    Returns:
+        The name as `known` spells it; "" when none is like enough, or none is known.
+    """
+    names = {name.lower(): name for name in sorted(known)}
+    close = difflib.get_close_matches(given.lower(), names, n=1, cutoff=cutoff)
+    return names[close[0]] if close else ""

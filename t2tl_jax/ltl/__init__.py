@@ -1,13 +1,18 @@
 """Tasks as co-safe linear temporal logic or as reward machines: from text to the task table.
 
+`parser` and `reward_machine` read text (the first into a `formula`), `compiler` makes an automaton of that, and `table`
+writes it as arrays. `tasks` and `families` name tasks, `pool` makes tables of random ones, and `describe` puts automata
+into words.
+
 Everything up to the table is plain Python; JAX is imported only when `TaskTable` or a function that compiles one is
 first used.
 """
 
 from typing import TYPE_CHECKING, Any
 
-from t2tl_jax.ltl.automaton import Automaton
-from t2tl_jax.ltl.diagrams import ALPHABETS, AT_MOST_ONE, EVERY_SUBSET
+from t2tl_jax.ltl.compiler.alphabet import ALPHABETS, AT_MOST_ONE, EVERY_SUBSET
+from t2tl_jax.ltl.compiler.automaton import Automaton
+from t2tl_jax.ltl.compiler.normal_form import negation_normal_form
 from t2tl_jax.ltl.errors import (
     LTLError,
     LTLSyntaxError,
@@ -17,12 +22,11 @@ from t2tl_jax.ltl.errors import (
     UnknownPropositionError,
     UnknownTaskError,
 )
+from t2tl_jax.ltl.families import is_family, make_sampler, register_family, sample
 from t2tl_jax.ltl.formula import FALSE, TRUE, Formula, eventually, from_tuple, next_, prop, until
-from t2tl_jax.ltl.normal_form import negation_normal_form
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.progression import progress
 from t2tl_jax.ltl.reward_machine import RewardMachine, Transition, parse_machine
-from t2tl_jax.ltl.samplers import is_family, make_sampler, sample
 from t2tl_jax.ltl.tasks import (
     PAPER_TASKS,
     REWARD_MACHINES,
@@ -37,8 +41,8 @@ from t2tl_jax.ltl.tasks import (
 from t2tl_jax.ltl.tokens import vocabulary_size
 
 if TYPE_CHECKING:
-    from t2tl_jax.ltl.task_pool import compile_pool
-    from t2tl_jax.ltl.task_table import TaskTable, compile_named, compile_reward_machines, compile_tasks
+    from t2tl_jax.ltl.pool import compile_pool
+    from t2tl_jax.ltl.table import TaskTable, compile_named, compile_reward_machines, compile_tasks
 
 __all__ = [
     "ALPHABETS",
@@ -79,6 +83,7 @@ __all__ = [
     "progress",
     "prop",
     "read_machine",
+    "register_family",
     "resolve",
     "resolve_task",
     "sample",
@@ -90,11 +95,11 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import what needs JAX on first use, so that the command line starts fast."""
     if name == "compile_pool":
-        from t2tl_jax.ltl import task_pool
+        from t2tl_jax.ltl import pool
 
-        return task_pool.compile_pool
+        return pool.compile_pool
     if name in ("TaskTable", "compile_named", "compile_reward_machines", "compile_tasks"):
-        from t2tl_jax.ltl import task_table
+        from t2tl_jax.ltl import table
 
-        return getattr(task_table, name)
+        return getattr(table, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

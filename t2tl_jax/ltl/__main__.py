@@ -7,12 +7,12 @@ from typing import Annotated, Literal
 
 import tyro
 
-from t2tl_jax.ltl.automaton import build
-from t2tl_jax.ltl.budget import MAX_ROWS
+from t2tl_jax.ltl.compiler.automaton import build
+from t2tl_jax.ltl.compiler.budget import MAX_ROWS
+from t2tl_jax.ltl.compiler.machine_automaton import build_machines
 from t2tl_jax.ltl.describe import describe, describe_word, to_dot
 from t2tl_jax.ltl.errors import LTLError
 from t2tl_jax.ltl.formula import Formula
-from t2tl_jax.ltl.machine_automaton import build_machines
 from t2tl_jax.ltl.reward_machine import RewardMachine
 from t2tl_jax.ltl.tasks import WATER_PROPOSITIONS, ZONE_PROPOSITIONS, resolve
 

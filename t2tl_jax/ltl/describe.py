@@ -4,8 +4,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from t2tl_jax.ltl.automaton import Automaton
-from t2tl_jax.ltl.guards import guard
+from t2tl_jax.ltl.compiler.automaton import Automaton
+from t2tl_jax.ltl.compiler.cubes import guard
 
 _VERDICT = {1: "true", -1: "false", 0: "open"}
 

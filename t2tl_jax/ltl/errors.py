@@ -1,7 +1,8 @@
 """Errors about formulas and tasks: each says what was given, what was expected, and the way out."""
 
-import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+
+from t2tl_jax import names
 
 
 class LTLError(ValueError):
@@ -48,6 +49,20 @@ class TooLargeError(LTLError):
     """A bound on size, nesting, rows or work was reached; the message names the bound."""
 
 
+def no_formulas() -> LTLError:
+    """Return the error for asking a table of reward machines for formulas or tokens."""
+    return LTLError(
+        "the rows of this table are states of reward machines, which have no formula to read: use a one-hot task "
+        "encoder, or write the task as a formula"
+    )
+
+
+def unknown_proposition(name: str, known: Sequence[str]) -> UnknownPropositionError:
+    """Return the error for a proposition that is not among the known ones."""
+    listed = ", ".join(known) if known else "none"
+    return UnknownPropositionError(f'unknown proposition "{name}"; known: {listed}{nearest(name, known)}')
+
+
 def caret(text: str, position: int, width: int = 100) -> str:
     """Return the line of `text` that holds `position`, and below it a caret; long lines are cut to `width`."""
     start = text.rfind("\n", 0, position) + 1
@@ -63,6 +78,5 @@ def caret(text: str, position: int, width: int = 100) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return `; did you mean "..."?` for the closest of `known`, or nothing when none is close."""
-    by_lower = {candidate.lower(): candidate for candidate in known}
-    close = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.5)
-    return f'; did you mean "{by_lower[close[0]]}"?' if close else ""
+    close = names.nearest(name, known, cutoff=0.5)
+    return f'; did you mean "{close}"?' if close else ""

@@ -8,9 +8,9 @@ proposition.
 import re
 from typing import NamedTuple
 
+from t2tl_jax.ltl.co_safety import find_offence
 from t2tl_jax.ltl.errors import LTLSyntaxError, NotCoSafeError, TooLargeError, caret
 from t2tl_jax.ltl.formula import BINDING, FALSE, MAX_DEPTH, MAX_SIZE, RIGHT_ASSOCIATIVE, TRUE, Formula, prop
-from t2tl_jax.ltl.normal_form import find_offence
 
 _UNARY = {
     "!": "not", "~": "not", "not": "not",

@@ -2,13 +2,14 @@
 
 from collections.abc import Collection
 
-from t2tl_jax.ltl.budget import Budget
-from t2tl_jax.ltl.core import Core
-from t2tl_jax.ltl.diagrams import EVERY_SUBSET, LEAF, Diagrams
-from t2tl_jax.ltl.display import Display
+from t2tl_jax.ltl.compiler.alphabet import EVERY_SUBSET
+from t2tl_jax.ltl.compiler.budget import Budget
+from t2tl_jax.ltl.compiler.core import Core
+from t2tl_jax.ltl.compiler.diagrams import LEAF, Diagrams
+from t2tl_jax.ltl.compiler.display import Display
+from t2tl_jax.ltl.compiler.normal_form import negation_normal_form
+from t2tl_jax.ltl.compiler.states import Leaves, Progression
 from t2tl_jax.ltl.formula import Formula
-from t2tl_jax.ltl.normal_form import negation_normal_form
-from t2tl_jax.ltl.states import Leaves, Progression
 from t2tl_jax.ltl.tokens import decode
 
 

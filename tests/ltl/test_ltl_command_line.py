@@ -3,11 +3,9 @@
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from t2tl_jax.ltl.__main__ import main
-from t2tl_jax.ltl.guards import cover
 
 
 def test_prints_rows_and_word(capsys):
@@ -51,13 +49,3 @@ def test_starts_without_jax():
     code = "import sys, t2tl_jax.ltl.__main__ as m; m.main(['F a']); sys.exit('jax' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and "row 2 [open]" in done.stdout, done.stderr
-
-
-def test_cover_is_exact():
-    rng = np.random.default_rng(0)
-    for size in (0, 1, 2, 3, 5):
-        for density in (0.2, 0.5, 0.9):
-            letters = rng.random(2**size) < density
-            cubes = cover(letters)
-            for letter, wanted in enumerate(letters):
-                assert wanted == any(all(bool(letter >> j & 1) == value for j, value in cube) for cube in cubes)

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from ltl_oracles import letters_of
 
 from t2tl_jax.ltl import (
     WATER_PROPOSITIONS,
@@ -22,6 +21,7 @@ from t2tl_jax.ltl import (
 from t2tl_jax.networks.task_encoders import OneHotTaskEncoder, TransformerTaskEncoder
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
+from tests.ltl.ltl_oracles import letters_of
 from tests.probe import ProbeEnv
 
 ABCDEF = tuple("abcdef")

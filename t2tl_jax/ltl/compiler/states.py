@@ -6,9 +6,9 @@ implication between atoms (`F(a & F b)` brings `F b` along), so that "and" is bi
 that contains its bits.
 """
 
-from t2tl_jax.ltl.budget import Budget
-from t2tl_jax.ltl.core import AND, EVENTUALLY, LITERAL, NEXT, OR, UNTIL, Core
-from t2tl_jax.ltl.diagrams import LEAF, Diagrams
+from t2tl_jax.ltl.compiler.budget import Budget
+from t2tl_jax.ltl.compiler.core import AND, EVENTUALLY, LITERAL, NEXT, OR, UNTIL, Core
+from t2tl_jax.ltl.compiler.diagrams import LEAF, Diagrams
 
 State = frozenset[int]
 """Terms of a disjunction."""

@@ -2,11 +2,25 @@
 
 import random
 from collections import Counter
+from functools import reduce
 from itertools import pairwise
 
 import pytest
 
-from t2tl_jax.ltl import LTLError, UnknownTaskError, make_sampler, sample
+from t2tl_jax.ltl import (
+    Formula,
+    LTLError,
+    UnknownTaskError,
+    compile_pool,
+    eventually,
+    families,
+    is_family,
+    make_sampler,
+    parse,
+    prop,
+    register_family,
+    sample,
+)
 
 NAMES = tuple("abcdefghijkl")
 
@@ -118,3 +132,82 @@ def test_bad_parameters(name):
 def test_too_few_propositions(name):
     with pytest.raises(LTLError, match=r"needs at least \d+ propositions, got 1: a"):
         make_sampler(name, ("a",))
+
+
+def reach(rng, propositions, goals):
+    """A family of one's own: some goals in any order."""
+    tasks = [eventually(prop(name)) for name in rng.sample(propositions, goals)]
+    return reduce(Formula.__and__, tasks)
+
+
+@pytest.fixture
+def own_families(monkeypatch):
+    """What a test registers is gone after it."""
+    monkeypatch.setattr(families, "_FAMILIES", dict(families._FAMILIES))
+
+
+@pytest.fixture
+def with_reach(own_families):
+    register_family("Reach", reach, parameters=("goals",), least=lambda goals: goals, example="Reach_2")
+
+
+def test_a_family_of_ones_own_is_sampled_and_joined(with_reach):
+    assert is_family("Reach_2") and is_family("Reach")
+    assert sample("Reach_2", NAMES, 0) == reach(random.Random(0), NAMES, 2)
+    assert sample("Reach_1_OR_Default", NAMES, 0).op == "or"
+
+
+def test_a_family_of_ones_own_makes_pools(with_reach):
+    table = compile_pool("Reach_2", NAMES[:5], "at_most_one", 0, size=6, rows=32, length=10)
+    tasks = {str(table.formula(row)) for row in table.initial_row.tolist()}
+    assert len(tasks) == 6 and all(parse(task).op == "and" for task in tasks)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("Reah_3", 'known: Default, .*, Reach_<goals>, X_OR_Y; did you mean "Reach_2"'),
+        ("Reach", '"Reach" needs 1 positive whole number: Reach_<goals>; did you mean "Reach_2"'),
+        ("Reach_13", "needs at least 13 propositions, got 12"),
+    ],
+)
+def test_errors_know_the_families_of_ones_own(with_reach, name, message):
+    with pytest.raises(LTLError, match=message):
+        make_sampler(name, NAMES)
+
+
+def test_ranges_of_a_family_of_ones_own_are_checked(own_families):
+    register_family("Some", lambda rng, names, few, low, high: prop(names[0]), parameters=("few", "min x", "max x"))
+    assert make_sampler("Some_3_1_2", NAMES)(random.Random(0)) == prop("a")
+    with pytest.raises(LTLError, match="2 to 1, an empty range: Some_<few>_<min x>_<max x>"):
+        make_sampler("Some_3_2_1", NAMES)
+
+
+def test_a_name_belongs_to_one_function(with_reach):
+    register_family("Reach", reach, parameters=("goals",), example="Reach_4")
+    with pytest.raises(UnknownTaskError, match="Reach_4"):
+        make_sampler("Reach", NAMES)
+    with pytest.raises(
+        ValueError, match=r'"Reach" is registered with another function, .*\.reach; choose another name'
+    ):
+        register_family("Reach", lambda rng, names: prop(names[0]))
+    with pytest.raises(ValueError, match='"Default" is registered'):
+        register_family("Default", reach)
+
+
+@pytest.mark.parametrize("name", ["", "My_family", "2nd", "a b", "F", "true", "OR", "phi", "rm"])
+def test_names_that_would_be_read_as_something_else_are_refused(own_families, name):
+    with pytest.raises(ValueError, match="a family cannot be called"):
+        register_family(name, reach)
+
+
+@pytest.mark.parametrize("example", ["Reach", "Reach_0", "Raech_1", "Reach_1_2"])
+def test_an_example_has_to_fit(own_families, example):
+    with pytest.raises(ValueError, match=f'the example "{example}" of the family "Reach" does not read Reach_<goals>'):
+        register_family("Reach", reach, parameters=("goals",), example=example)
+
+
+def test_a_family_draws_formulas(own_families):
+    register_family("Texts", lambda rng, names: "F a")
+    with pytest.raises(LTLError, match=r'"Texts" is to draw a Formula, but .* returned a str; `parse`'):
+        sample("Texts", NAMES, 0)

@@ -10,11 +10,8 @@ branch is always a leaf, and a node is left out when `high` is what its `low` br
 
 import numpy as np
 
-from t2tl_jax.ltl.budget import Budget
-
-EVERY_SUBSET = "every_subset"
-AT_MOST_ONE = "at_most_one"
-ALPHABETS = (EVERY_SUBSET, AT_MOST_ONE)
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
+from t2tl_jax.ltl.compiler.budget import Budget
 
 LEAF = -1
 """The `variable` of a leaf."""

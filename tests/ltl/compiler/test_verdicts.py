@@ -4,12 +4,12 @@ import json
 import random
 from pathlib import Path
 
-import ltl_oracles as oracle
 import numpy as np
 import pytest
 
 from t2tl_jax.ltl import Automaton, Formula, from_tuple, parse
-from t2tl_jax.ltl.automaton import build
+from t2tl_jax.ltl.compiler.automaton import build
+from tests.ltl import ltl_oracles as oracle
 
 CASES = [json.loads(line) for line in (Path(__file__).parent / "ltl_cases.jsonl").read_text().splitlines()]
 NAMES = ("a", "b", "c")

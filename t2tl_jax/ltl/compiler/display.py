@@ -3,8 +3,8 @@
 from functools import reduce
 from operator import and_, or_
 
-from t2tl_jax.ltl.core import AND, EVENTUALLY, LITERAL, NEXT, OR, UNTIL, Core
-from t2tl_jax.ltl.states import Progression, State
+from t2tl_jax.ltl.compiler.core import AND, EVENTUALLY, LITERAL, NEXT, OR, UNTIL, Core
+from t2tl_jax.ltl.compiler.states import Progression, State
 from t2tl_jax.ltl.tokens import FIRST_PROPOSITION, OPERATOR_ID
 
 Tokens = tuple[int, ...]

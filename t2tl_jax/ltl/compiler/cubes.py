@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from t2tl_jax.ltl.automaton import Automaton
-from t2tl_jax.ltl.diagrams import AT_MOST_ONE
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
+from t2tl_jax.ltl.compiler.automaton import Automaton
 from t2tl_jax.ltl.formula import quote
 
 Cube = tuple[tuple[int, bool], ...]

@@ -5,16 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from t2tl_jax.ltl.budget import MAX_CELLS, MAX_PROPOSITIONS, MAX_ROWS, MAX_WORK, MORE_WORK_PER_TASK, Budget
-from t2tl_jax.ltl.core import Core
-from t2tl_jax.ltl.diagrams import ALPHABETS, AT_MOST_ONE, EVERY_SUBSET, Diagrams
-from t2tl_jax.ltl.display import Display, Tokens
-from t2tl_jax.ltl.errors import LTLError, TooLargeError, UnknownPropositionError, nearest
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, EVERY_SUBSET, check_cells, check_names, letter_weights
+from t2tl_jax.ltl.compiler.budget import MAX_ROWS, MAX_WORK, MORE_WORK_PER_TASK, Budget
+from t2tl_jax.ltl.compiler.core import Core
+from t2tl_jax.ltl.compiler.diagrams import Diagrams
+from t2tl_jax.ltl.compiler.display import Display, Tokens
+from t2tl_jax.ltl.compiler.minimise import merge, settle
+from t2tl_jax.ltl.compiler.normal_form import negation_normal_form
+from t2tl_jax.ltl.compiler.states import Leaves, Progression, State
+from t2tl_jax.ltl.errors import no_formulas, unknown_proposition
 from t2tl_jax.ltl.formula import Formula
-from t2tl_jax.ltl.minimise import merge, settle
-from t2tl_jax.ltl.normal_form import negation_normal_form
 from t2tl_jax.ltl.parser import parse
-from t2tl_jax.ltl.states import Leaves, Progression, State
 from t2tl_jax.ltl.tokens import decode
 
 
@@ -179,63 +180,3 @@ def _order_rows(explored: _Explored, classes: dict[int, int], shown: dict[int, T
             sorted((n for n in following if n not in rows), key=lambda other: (-len(shown[other]), shown[other]))
         )
     return rows
-
-
-def letter_weights(num_propositions: int, used: list[int], alphabet: str) -> np.ndarray:
-    """Return int32 `[num_propositions]`: how label vectors become letters when the tasks use these propositions."""
-    weights = np.zeros(num_propositions, np.int32)
-    weights[used] = [j + 1 if alphabet == AT_MOST_ONE else 2**j for j in range(len(used))]
-    return weights
-
-
-def check_cells(rows: int, num_used: int, alphabet: str) -> None:
-    """Refuse a table with too many entries."""
-    letters = num_used + 1 if alphabet == AT_MOST_ONE else 2**num_used
-    if rows * letters > MAX_CELLS:
-        hint = "" if alphabet == AT_MOST_ONE else f'; the alphabet "{AT_MOST_ONE}" needs {num_used + 1} letters only'
-        raise TooLargeError(
-            f"{rows:,} rows of {letters:,} letters ({num_used} propositions used) are more than "
-            f"{MAX_CELLS:,} entries (budget.MAX_CELLS){hint}"
-        )
-
-
-def check_names(
-    formulas: Sequence[Formula], propositions: Sequence[str], alphabet: str
-) -> tuple[tuple[str, ...], list[int]]:
-    """Check names and alphabet; return the environment's propositions and the indices of those used."""
-    if isinstance(propositions, str):
-        raise LTLError(f"propositions is a sequence of names, got the string {propositions!r}")
-    names = tuple(propositions)
-    if len(set(names)) < len(names):
-        raise LTLError(f"the environment names a proposition twice: {', '.join(names)}")
-    if alphabet not in ALPHABETS:
-        raise LTLError(
-            f"unknown alphabet {alphabet!r}; known: {', '.join(ALPHABETS)}{nearest(str(alphabet), ALPHABETS)}"
-        )
-    if not formulas:
-        raise LTLError("a table needs at least one task, got none")
-    mentioned = dict.fromkeys(name for formula in formulas for name in formula.propositions())
-    for name in mentioned:
-        if name not in names:
-            raise unknown_proposition(name, names)
-    if len(mentioned) > MAX_PROPOSITIONS or (alphabet == EVERY_SUBSET and 2 ** len(mentioned) > MAX_CELLS // 3):
-        raise TooLargeError(
-            f"the tasks use {len(mentioned)} propositions; the limit is {MAX_PROPOSITIONS} (budget.MAX_PROPOSITIONS), "
-            f'and with "{EVERY_SUBSET}" each doubles the letters (budget.MAX_CELLS): where the environment makes at '
-            f'most one true at a time, use the alphabet "{AT_MOST_ONE}"'
-        )
-    return names, [index for index, name in enumerate(names) if name in mentioned]
-
-
-def no_formulas() -> LTLError:
-    """Return the error for asking a table of reward machines for formulas or tokens."""
-    return LTLError(
-        "the rows of this table are states of reward machines, which have no formula to read: use a one-hot task "
-        "encoder, or write the task as a formula"
-    )
-
-
-def unknown_proposition(name: str, known: Sequence[str]) -> UnknownPropositionError:
-    """Return the error for a proposition that is not among the known ones."""
-    listed = ", ".join(known) if known else "none"
-    return UnknownPropositionError(f'unknown proposition "{name}"; known: {listed}{nearest(name, known)}')

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from t2tl_jax.ltl import tokens as vocabulary
-from t2tl_jax.ltl.automaton import Automaton, build, no_formulas
-from t2tl_jax.ltl.budget import MAX_ROWS
-from t2tl_jax.ltl.diagrams import AT_MOST_ONE
-from t2tl_jax.ltl.errors import LTLError, TooLargeError
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
+from t2tl_jax.ltl.compiler.automaton import Automaton, build
+from t2tl_jax.ltl.compiler.budget import MAX_ROWS
+from t2tl_jax.ltl.compiler.machine_automaton import build_machines
+from t2tl_jax.ltl.errors import LTLError, TooLargeError, no_formulas
 from t2tl_jax.ltl.formula import Formula
-from t2tl_jax.ltl.machine_automaton import build_machines
 from t2tl_jax.ltl.reward_machine import RewardMachine
 from t2tl_jax.ltl.tasks import resolve
 

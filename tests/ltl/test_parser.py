@@ -1,8 +1,5 @@
 """Text, trees and tuples, and what malformed or unsuitable formulas are told."""
 
-import random
-
-import ltl_oracles as oracle
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -129,32 +126,6 @@ def test_not_co_safe_says_why():
         parse("a & !(b | F b)")
     with pytest.raises(NotCoSafeError, match=r"`G b` in .*even number of negations.*infinite word"):
         parse("F(a -> G b)")
-
-
-@pytest.mark.parametrize(
-    ("text", "normal"),
-    [
-        ("!(G a)", "F !a"),
-        ("!(X a)", "X !a"),
-        ("!!(F a)", "F a"),
-        ("a -> F b", "!a | F b"),
-        ("!(a R b)", "!a U !b"),
-        ("!(a W b)", "!b U (!a & !b)"),
-        ("a M b", "b U (a & b)"),
-        ("X a <-> b", "(X a & b) | (X !a & !b)"),
-    ],
-)
-def test_negation_normal_form(text, normal):
-    assert negation_normal_form(parse(text)) == parse(normal)
-
-
-def test_negation_normal_form_keeps_the_meaning():
-    rng = random.Random(3)
-    for text in ["!(a W b)", "!(G(a -> b))", "a M (b M !a)", "!(a R (b W a))", "(X a <-> b) U (a <-> !b)"]:
-        formula = parse(text)
-        for _ in range(50):
-            stem, loop = (oracle.random_letters(rng, ("a", "b"), n) for n in (2, 2))
-            assert oracle.holds(formula, stem, loop) == oracle.holds(negation_normal_form(formula), stem, loop)
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,12 @@ import jax
 import numpy as np
 
 from t2tl_jax.ltl import tokens as vocabulary
-from t2tl_jax.ltl.automaton import Automaton, build, check_cells, letter_weights
-from t2tl_jax.ltl.diagrams import AT_MOST_ONE
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, check_cells, letter_weights
+from t2tl_jax.ltl.compiler.automaton import Automaton, build
 from t2tl_jax.ltl.errors import TooLargeError
+from t2tl_jax.ltl.families import make_sampler
 from t2tl_jax.ltl.formula import Formula
-from t2tl_jax.ltl.samplers import make_sampler
-from t2tl_jax.ltl.task_table import TaskTable
+from t2tl_jax.ltl.table import TaskTable
 
 DRAWS_PER_TASK = 50
 """How often a formula may be drawn for each place of a pool before the caps count as too small."""

@@ -1,6 +1,6 @@
 """Exact verdicts by two fixpoints, and merging of states that no word tells apart (Moore's refinement)."""
 
-from t2tl_jax.ltl.diagrams import Diagrams
+from t2tl_jax.ltl.compiler.diagrams import Diagrams
 
 
 def settle(successors: dict[int, frozenset[int]]) -> tuple[set[int], set[int]]:

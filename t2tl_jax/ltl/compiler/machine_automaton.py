@@ -4,9 +4,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from t2tl_jax.ltl.automaton import Automaton, check_cells, check_names, letter_weights
-from t2tl_jax.ltl.budget import MAX_ROWS
-from t2tl_jax.ltl.diagrams import AT_MOST_ONE, EVERY_SUBSET
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, EVERY_SUBSET, check_cells, check_names, letter_weights
+from t2tl_jax.ltl.compiler.automaton import Automaton
+from t2tl_jax.ltl.compiler.budget import MAX_ROWS
 from t2tl_jax.ltl.errors import TooLargeError
 from t2tl_jax.ltl.reward_machine import DONE, FAIL, STAY, RewardMachine, truth
 from t2tl_jax.ltl.tokens import OPERATOR_ID
