@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from t2tl_jax.env import Alphabet, LabelledEnv, State
+from t2tl_jax.registry import register_env
 
 EPISODE_LENGTH = 75
 """Published limit of an episode, in steps. Applied outside: the environment itself never ends."""
@@ -79,3 +80,6 @@ class SingleState(LabelledEnv):
     def backend(self) -> str:
         """There is no physics."""
         return "none"
+
+
+register_env("single_state", SingleStateConfig, SingleState, {"SingleState": SingleStateConfig()})

@@ -1,9 +1,8 @@
 """Compare runs by their training: ``python -m experiments.compare RUN RUN ...``; interrupted runs are welcome."""
 
-import dataclasses
 import itertools
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,9 @@ import tyro
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import check_picture, parse
+from experiments.cli.plugins import import_modules
 from experiments.cli.quiet import quiet_imports
 from t2tl_jax.errors import UserError
-
-SOLVED = 0.95
-"""A seed solves the task when its success rate is above this."""
 
 
 @dataclass(frozen=True)
@@ -34,67 +31,13 @@ class Arguments:
     """Draw the mean curves of all runs into this PNG, beside the paper's where the task is its phi_zone."""
 
 
-@dataclass(frozen=True)
-class Ending:
-    """The last iterations of one run, one entry per seed; NaN for a seed of which no episode ended in them."""
-
-    success: np.ndarray
-    """``float64[seeds]``, over the episodes that finished."""
-    discounted_return: np.ndarray
-    """``float64[seeds]``"""
-    length: np.ndarray
-    """``float64[seeds]``, steps."""
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command (``arguments`` of the command line by default) and return its exit code: 0 done, 2 bad input."""
     return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
 
 
-def ending(metrics: Path, last: float) -> Ending:
-    """Average the last iterations of a ``metrics.csv``, every finished episode counting once.
-
-    Raises:
-        MetricsFileError: if there are no metrics.
-    """
-    from t2tl_jax.runs.metrics_file import by_seed, read_columns
-
-    columns = read_columns(metrics)
-    _, frames, episodes = by_seed(columns, "episodes")
-    tail = slice(-max(1, round(last * len(frames))), None)
-
-    # A seed may lack the last rows: those of an iteration are written seed by seed.
-    ended = np.nansum(episodes[:, tail], axis=1)
-
-    def average(name: str) -> np.ndarray:
-        weighted = np.nansum((by_seed(columns, name)[2] * episodes)[:, tail], axis=1)
-        return np.where(ended > 0, weighted / np.maximum(ended, 1), np.nan)
-
-    return Ending(average("success_rate"), average("discounted_return"), average("length"))
-
-
-def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
-    """Fields in which two configurations differ, as ``ppo.noise_time=0.0``; where the run was stored does not count.
-
-    Of another kind of environment, network or learner, its name and what departs from its defaults.
-    """
-    from t2tl_jax.runs.machine_files import same_task
-
-    for field in dataclasses.fields(base):
-        if prefix == "" and field.name == "run":
-            continue
-        a, b, name = getattr(base, field.name), getattr(other, field.name), prefix + field.name
-        if dataclasses.is_dataclass(b) and not isinstance(b, type):
-            if type(a) is not type(b):
-                yield f"{name}={type(b).__name__}"
-                a = type(b)()
-            yield from differences(a, b, name + ".")
-        elif a != b and not (name == "task" and same_task(a, b)):
-            yield f"{name}={b}"
-
-
 def _main(texts: list[str]) -> int:
-    arguments = parse(Arguments, texts, prog="python -m experiments.compare", description=Arguments.__doc__)
+    arguments = parse(Arguments, import_modules(texts), prog="python -m experiments.compare", description=Arguments.__doc__)
     if not arguments.runs:
         raise UserError("name one run or more, such as runs/zone_ppo/2026-01-31_12-00-00")
     if not 0 < arguments.last <= 1:
@@ -104,8 +47,10 @@ def _main(texts: list[str]) -> int:
     if arguments.pairs and len(runs) < 2:
         raise UserError("--pairs tests two runs or more against each other; name another run")
     with quiet_imports():
+        import experiments.configs  # noqa: F401, registers what runs are made of
         from t2tl_jax.runs import folder as run_folder
-        from t2tl_jax.runs.metrics_file import MetricsFileError
+        from t2tl_jax.runs.differences import differences
+        from t2tl_jax.runs.metrics_file import MetricsFileError, ending, history
 
     base = None
     returns_of: dict[str, np.ndarray] = {}
@@ -115,14 +60,14 @@ def _main(texts: list[str]) -> int:
         folder, config = run_folder.open_existing(path)
         base = base or config
         try:
-            end = ending(folder.metrics, arguments.last)
+            end = ending(history(folder.metrics), arguments.last)
         except MetricsFileError as error:
             raise UserError(str(error)) from error
         session = run_folder.read_json(folder.status).get("last_session", {})
         what = " ".join(differences(base, config)) or str(path)
         print(_line(session.get("frames_per_second_all_seeds"), end, what))
-        known = np.isfinite(end.discounted_return)
-        returns_of[str(path)] = end.discounted_return[known]
+        known = np.isfinite(end["discounted_return"])
+        returns_of[str(path)] = end["discounted_return"][known]
         if not known.all():
             notes.append(
                 f"{path}: left out {(~known).sum()} of {known.size} seeds, of which no episode ended in that part"
@@ -150,13 +95,15 @@ def _each_once(paths: Sequence[Path]) -> list[Path]:
     return list(kept.values())
 
 
-def _line(speed: float | None, end: Ending, what: str) -> str:
+def _line(speed: float | None, end: Mapping[str, np.ndarray], what: str) -> str:
     """The line of one run, with dashes for what is not known."""
     from t2tl_jax.evaluation import statistics
+    from t2tl_jax.evaluation.report import SOLVED
 
-    known = np.isfinite(end.discounted_return)
-    solved = f"{int((end.success[known] > SOLVED).sum())}/{known.sum()}" if known.any() else "-"
-    returns = statistics.mean(end.discounted_return[known]).text()
+    known = np.isfinite(end["discounted_return"])
+    solving = int((end["success_rate"][known] > SOLVED).sum())
+    solved = f"{solving}/{known.sum()}" if known.any() else "-"
+    returns = statistics.mean(end["discounted_return"][known]).text()
     return f"{'-' if not speed else f'{speed:,.0f}':>11}  {solved:>7}  {returns:21}  {what}"
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,8 +11,9 @@ import tyro
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import parse
+from experiments.cli.plugins import import_modules
 from experiments.cli.quiet import quiet_imports
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -35,18 +36,17 @@ class Arguments:
     """Also draw an episode again (episode.gif)."""
 
 
-def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0 done, 2 for input that cannot be used, 130 after Ctrl-C.
 
     Args:
         arguments: of the command line, without the program's name; by default those of this process.
-        build: from a ``Config`` to an ``t2tl_jax.runs.build.Experiment``; by default the one of that module.
     """
-    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments), build))
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
 
 
-def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
-    arguments = parse(Arguments, texts, prog="python -m experiments.evaluate", description=Arguments.__doc__)
+def _main(texts: list[str]) -> int:
+    arguments = parse(Arguments, import_modules(texts), prog="python -m experiments.evaluate", description=Arguments.__doc__)
     if arguments.episodes < 1:
         raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
     # Imported late: loading JAX and MuJoCo takes seconds, which --help and mistakes need not wait for.
@@ -54,53 +54,53 @@ def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
 
     with StopRequest(notice="stopping; nothing is stored") as stop:
         try:
-            stop.call(lambda: _evaluate(arguments, build), "while evaluating")
+            stop.call(lambda: _evaluate(arguments), "while evaluating")
         except Interrupted:
             return stop.leave(0)
     return 0
 
 
-def _evaluate(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
+def _evaluate(arguments: Arguments) -> None:
     with quiet_imports():
+        import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.cli import compilation_cache
         from t2tl_jax.evaluation.report import table
-        from t2tl_jax.runs import evaluation_run, stored_params
-        from t2tl_jax.runs import folder as run_folder
-        from t2tl_jax.runs.build import build as default_build
-        from t2tl_jax.training.seeds import parse_seeds, place, seed_sharding
+        from t2tl_jax.runs import evaluations, train
+        from t2tl_jax.runs.folder import open_existing
 
-    folder, stored = run_folder.open_existing(arguments.run)
-    evaluation_run.stored(folder)  # tells of a damaged file before the work
+    folder, stored = open_existing(arguments.run)
+    evaluations.stored(folder)  # tells of a damaged file before the work
     compilation_cache.use(stored.run.compilation_cache)
-    config = _changed(stored, arguments)
-    experiment = (build or default_build)(config)
-    iteration, params = stored_params.restore(folder, config, experiment, arguments.checkpoint)
-    params = place(params, seed_sharding(len(parse_seeds(config.seeds))))
-    what = evaluation_run.settings(folder, config, arguments.checkpoint, iteration, arguments.episodes)
+    result = train.load(arguments.run, checkpoint=arguments.checkpoint, **_changes(stored, arguments))
+    what = evaluations.settings(
+        folder, result.experiment, arguments.checkpoint, result.iteration, arguments.episodes
+    )
     print("  ".join(f"{name}: {value}" for name, value in what.items()), flush=True)
-    if config.task != stored.task and config.network.task_encoder == "one_hot":
+    reader = stored.learner.task_encoder
+    if result.config.task != stored.task and reader is not None and not reader.learned:
         print("note: a one-hot code does not carry over to another task; its rows now mean other sub-tasks")
-    reports = evaluation_run.evaluate(experiment, config, params, arguments.episodes)
+    reports = result.evaluate(episodes=arguments.episodes)
     print(table(reports), flush=True)
-    evaluation_run.store(folder, what, reports)
+    evaluations.store(folder, what, reports)
     print(f"stored: {folder.evaluation}", flush=True)
-    if arguments.gif and evaluation_run.draw_episode(experiment, config, params, folder):
+    if arguments.gif and evaluations.draw_episode(result.experiment, result.params, folder):
         print(f"drawn: {folder.gif}")
 
 
-def _changed(config: Any, arguments: Arguments) -> Any:
+def _changes(stored: Any, arguments: Arguments) -> dict[str, Any]:
+    """The fields of the configuration that the flags change."""
     from envs.zones import ZoneConfig
 
-    with explained():
-        if arguments.task is not None:
-            config = dataclasses.replace(config, task=arguments.task)
-        if arguments.physics is not None:
-            if not isinstance(config.env, ZoneConfig):
-                raise UserError("--physics chooses between those of ZoneEnv; WaterWorld has only one")
-            config = dataclasses.replace(config, env=dataclasses.replace(config.env, physics=arguments.physics))
-        if arguments.episode_length is not None:
-            config = dataclasses.replace(config, episode_length=arguments.episode_length)
-        return config
+    changes: dict[str, Any] = {}
+    if arguments.task is not None:
+        changes["task"] = arguments.task
+    if arguments.physics is not None:
+        if not isinstance(stored.env, ZoneConfig):
+            raise UserError("--physics chooses between those of ZoneEnv; this run's environment has no such choice")
+        changes["env"] = dataclasses.replace(stored.env, physics=arguments.physics)
+    if arguments.episode_length is not None:
+        changes["episode_length"] = arguments.episode_length
+    return changes
 
 
 if __name__ == "__main__":

@@ -5,11 +5,17 @@ sub-task. Sizes, learner, budget and everything else stay those of the configura
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from envs.single_state import SingleStateConfig
-from experiments.configs import Config
+from t2tl_jax.agents.dqn import DQNConfig
+from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.errors import UserError
 from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.rgcn import RGCNConfig
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.runs.config import Config
 
 
 @dataclass(frozen=True)
@@ -17,24 +23,25 @@ class Method:
     """The switches of one method."""
 
     summary: str
-    task_encoder: Literal["transformer", "one_hot", "rgcn"]
+    task_encoder: type[TaskEncoderConfig]
     context: bool
     simultaneous: bool
+    """Whether every step teaches every sub-task, as far as the learner can."""
 
 
 METHODS = {
-    "t2tl": Method("Transformers on the formula and on the context window", "transformer", True, True),
-    "t1tl": Method("a Transformer on the formula", "transformer", False, True),
-    "gnn": Method("a relational graph network on the formula's tree", "rgcn", False, True),
-    "rm": Method("the automaton's or reward machine's state, every state learned (CRM)", "one_hot", False, True),
-    "dfa": Method("the automaton's state, only the own one learned", "one_hot", False, False),
-    "dfa_cont": Method("dfa with the context window", "one_hot", True, False),
+    "t2tl": Method("Transformers on the formula and on the context window", TransformerConfig, True, True),
+    "t1tl": Method("a Transformer on the formula", TransformerConfig, False, True),
+    "gnn": Method("a relational graph network on the formula's tree", RGCNConfig, False, True),
+    "rm": Method("the automaton's or reward machine's state, every state learned (CRM)", OneHotConfig, False, True),
+    "dfa": Method("the automaton's state, only the own one learned", OneHotConfig, False, False),
+    "dfa_cont": Method("dfa with the context window", OneHotConfig, True, False),
 }
 
 START_ANYWHERE = 0.5
 """Share of episodes that `rm` starts in a random state under PPO, which cannot learn from another state's steps."""
 
-WINDOW = {"ppo": 8, "dqn": 12}
+WINDOW = {PPOConfig: 8, DQNConfig: 12}
 """Published lengths of the context window, where the configuration has none."""
 
 
@@ -44,19 +51,35 @@ def apply(config: Config, name: str) -> Config:
     Simultaneous learning needs a learner that can relabel steps. Under PPO, for which the authors' code has none
     either, only `rm` has its on-policy form: episodes that start in a random state. One-hot codes have nothing to
     pre-train, and in pre-training there is no context.
+
+    Raises:
+        UserError: for a learner that is not one of the paper's.
     """
-    method = METHODS[name]
+    method, learner = METHODS[name], config.learner
+    if not isinstance(learner, PPOConfig | DQNConfig):
+        raise UserError(f"methods are those of the paper's learners, PPO and DQN; this one is {type(learner).__name__}")
+    network = learner.network
     context = None
     if method.context and not isinstance(config.env, SingleStateConfig):
-        context = config.network.context or ContextConfig(length=WINDOW["ppo" if config.dqn is None else "dqn"])
-    learned = method.task_encoder != "one_hot"
+        context = network.context or ContextConfig(length=WINDOW[type(learner)])
+    learned = method.task_encoder.learned
     network = replace(
-        config.network,
-        task_encoder=method.task_encoder,
-        freeze_task_encoder=config.network.freeze_task_encoder and learned,
+        network,
+        task_encoder=_encoder(method.task_encoder, network),
+        freeze_task_encoder=network.freeze_task_encoder and learned,
         context=context,
     )
-    config = replace(config, pretrained=config.pretrained if learned else "", network=network)
-    if config.dqn is not None:
-        return replace(config, dqn=replace(config.dqn, simultaneous=method.simultaneous))
-    return replace(config, simultaneous=START_ANYWHERE if name == "rm" else 0.0)
+    config = replace(
+        config, pretrained=config.pretrained if learned else "", learner=replace(learner, network=network)
+    )
+    if isinstance(learner, DQNConfig):
+        return replace(config, learner=replace(config.learner, counterfactual=method.simultaneous))
+    return replace(config, random_starts=START_ANYWHERE if name == "rm" else 0.0)
+
+
+def _encoder(kind: type[TaskEncoderConfig], network: object) -> TaskEncoderConfig:
+    """The encoder that the configuration has, if it is of this kind; else the network's own default, or the kind's."""
+    for candidate in (network, type(network)()):
+        if isinstance(candidate.task_encoder, kind):
+            return candidate.task_encoder
+    return kind()

@@ -9,6 +9,7 @@ import tyro
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import check_picture, parse
+from experiments.cli.plugins import import_modules
 from experiments.cli.quiet import quiet_imports
 from t2tl_jax.errors import UserError
 
@@ -31,9 +32,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: list[str]) -> int:
-    arguments = parse(Arguments, texts, prog="python -m experiments.plot", description=Arguments.__doc__)
+    arguments = parse(Arguments, import_modules(texts), prog="python -m experiments.plot", description=Arguments.__doc__)
     check_picture("--output", arguments.output)
     with quiet_imports():
+        import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.paper.published_curves import ZONE_CURVES
         from t2tl_jax.evaluation.curves import plot_learning_curves
         from t2tl_jax.runs import folder as run_folder

@@ -4,8 +4,7 @@
 """
 
 import sys
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from experiments import run
 from experiments.cli.errors import guarded
@@ -13,10 +12,10 @@ from experiments.cli.errors import guarded
 PREFIX = "pretrain_"
 
 
-def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code, as `experiments.run.main`."""
     texts = sys.argv[1:] if arguments is None else list(arguments)
-    return guarded(lambda: run.command(texts, build, prefix=PREFIX, module="experiments.pretrain"))
+    return guarded(lambda: run.command(texts, prefix=PREFIX, module="experiments.pretrain"))
 
 
 if __name__ == "__main__":

@@ -1,29 +1,31 @@
 """Train a named configuration: ``python -m experiments.run --config zone_ppo``; ``--help`` lists every option."""
 
 import sys
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from experiments.cli.errors import guarded
 from experiments.cli.quiet import quiet_imports
+from t2tl_jax.errors import UserError
+
+STARTED = time.monotonic()
+"""When the program began, but for the start of the interpreter."""
 
 
-def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0 done or stopped by the user, 2 for input that cannot be used.
 
     Args:
         arguments: of the command line, without the program's name; by default those of this process.
-        build: from a ``Config`` to an ``t2tl_jax.runs.build.Experiment``; by default the one of that module.
     """
-    return guarded(lambda: command(sys.argv[1:] if arguments is None else list(arguments), build))
+    return guarded(lambda: command(sys.argv[1:] if arguments is None else list(arguments)))
 
 
-def command(
-    arguments: list[str],
-    build: Callable[[Any], Any] | None = None,
-    prefix: str = "",
-    module: str = "experiments.run",
-) -> int:
+def command(arguments: list[str], prefix: str = "", module: str = "experiments.run") -> int:
     """What `main` runs, also under another name: of `module`, for the configurations whose names begin with `prefix`.
 
     Raises:
@@ -31,43 +33,107 @@ def command(
     """
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
-        from experiments import methods
-        from experiments.cli import compilation_cache
-        from experiments.cli import request as command_line
-        from experiments.configs import CONFIGS
+        from experiments.cli import compilation_cache, request
 
-    request = command_line.read_request(arguments, prefix)
-    if request.show_list:
-        print(command_line.list_configs(prefix))
+    asked = request.read(arguments, prefix)
+    if asked.show_list:
+        print(request.list_configs(prefix))
         return 0
-    words = ["python", "-m", module, *arguments]
-    prog = f"python -m {module}"
-    if request.resume is not None and not {"-h", "--help"} & set(request.rest):
-
-        def amend(stored: Any) -> Any:
-            config = command_line.override(stored, request.rest, prog)
-            compilation_cache.use(config.run.compilation_cache)
-            return config
-
-        from t2tl_jax.runs import training_run
-
-        return training_run.resume(request.resume, amend, build or _default_build(), words)
-    name = prefix + request.config if request.config else command_line.default(prefix)
-    config = CONFIGS[name][0]
-    if request.method is not None:
-        config, name = methods.apply(config, request.method), f"{name}_{request.method}"
-    config = command_line.override(config, request.rest, prog)
+    config, name = request.configuration(asked, prefix, f"python -m {module}")
     compilation_cache.use(config.run.compilation_cache)
     # Only now: plots, statistics and checkpoints take seconds to load too, which --help and mistakes need not wait for.
-    from t2tl_jax.runs import training_run
+    from t2tl_jax.runs import folder
+    from t2tl_jax.runs.interrupts import Interrupted, StopRequest
 
-    return training_run.start(config, name, build or _default_build(), words)
+    path = asked.resume or folder.new_path(Path(config.run.folder), name)
+    with StopRequest() as stop:
+        try:
+            _train(config, path, asked, stop, ["python", "-m", module, *arguments])
+        except Interrupted as when:
+            kept = (path / "config.json").is_file()
+            print(f"stopped {when}; {f'continue with --resume {path}' if kept else 'nothing had been written'}")
+        return stop.leave(0)
 
 
-def _default_build() -> Callable[[Any], Any]:
-    from t2tl_jax.runs.build import build
+def _train(config: Any, path: Path, asked: Any, stop: Any, words: list[str]) -> None:
+    """Train or go on, then evaluate and draw.
 
-    return build
+    Raises:
+        Interrupted: saying when the user stopped it.
+    """
+    from experiments.cli.words import Words
+    from t2tl_jax.runs import train
+    from t2tl_jax.runs.interrupts import Interrupted
+    from t2tl_jax.runs.progress_bar import ProgressBar
+
+    def watching(what: str) -> list[Any]:
+        return [Words(STARTED, what), *([ProgressBar()] if config.run.progress else [])]
+
+    options = {
+        "callbacks": watching("run"),
+        "pretraining_callbacks": watching("first"),
+        "stop": stop,
+        "command": words,
+    }
+    if asked.resume:
+        result = train.resume(path, **options, **vars(config))
+    else:
+        result = train.train(config, folder=path, **options)
+    _conclude(result, stop)
+    if result.ended == "interrupted":
+        raise Interrupted(f"after iteration {result.iteration:,} of {config.iterations:,}")
+
+
+def _conclude(result: Any, stop: Any) -> None:
+    """Pictures, evaluation, final words. The training is on disk by now, so a signal may end this anywhere."""
+    from experiments.cli import words
+    from t2tl_jax.evaluation.curves import plot_learning_curves
+    from t2tl_jax.evaluation.report import table
+    from t2tl_jax.runs import evaluations
+    from t2tl_jax.runs.folder import RunFolder
+
+    run, config, experiment = RunFolder(result.folder), result.config, result.experiment
+    with _noted("no learning curve"):
+        print(words.curves_table(result))
+        plot_learning_curves(run.metrics, run.curves, title=f"{config.task} ({run.path})")
+    finished, episodes = result.ended != "interrupted", config.run.evaluation_episodes
+
+    def evaluate() -> None:
+        if not (finished and episodes):
+            return
+        print(f"evaluating the best parameters, {episodes} episodes per seed and policy", flush=True)
+        reports = result.evaluate(episodes=episodes)
+        print(table(reports), flush=True)
+        with _noted("the evaluation is not stored"):
+            what = evaluations.settings(run, experiment, "best", result.iteration, episodes)
+            evaluations.store(run, what, reports)
+
+    def draw() -> None:
+        if config.run.gif:
+            with _noted("no animation"):
+                evaluations.draw_episode(experiment, result.params, run)
+
+    def side_by_side() -> None:
+        # Most of both is compilation, which leaves cores idle.
+        with ThreadPoolExecutor(max_workers=2) as threads:
+            for work in [threads.submit(evaluate), threads.submit(draw)]:
+                work.result()
+
+    stop.call(side_by_side, "while evaluating and drawing, with training complete")
+    if not finished:
+        return
+    if said := words.ending(result):
+        print(said)
+    print(f"done: {run.path}")
+
+
+@contextmanager
+def _noted(what: str) -> Iterator[None]:
+    """Say what went wrong with a result, and go on: the training is on disk, and a picture less is no lost run."""
+    try:
+        yield
+    except (UserError, OSError) as error:
+        print(f"note: {what}: {error}", flush=True)
 
 
 if __name__ == "__main__":

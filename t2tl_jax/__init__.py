@@ -1,1 +1,87 @@
-"""Train agents to carry out tasks written in temporal logic, end to end in JAX (after T2TL, RA-L 2023)."""
+"""Train agents to carry out tasks written in temporal logic, end to end in JAX (after T2TL, RA-L 2023).
+
+The names below are the library's face. They are imported when they are first used, so that ``import t2tl_jax`` loads
+neither JAX nor MuJoCo.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+    from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+    from t2tl_jax.env import EnvConfig, LabelledEnv
+    from t2tl_jax.errors import UserError
+    from t2tl_jax.ltl import Formula, TaskTable, compile_tasks, parse, progress, register_family, sample
+    from t2tl_jax.networks.actor_critic import NetworkConfig
+    from t2tl_jax.networks.context import ContextConfig
+    from t2tl_jax.networks.q_network import QNetworkConfig
+    from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+    from t2tl_jax.networks.task_encoders import OneHotConfig
+    from t2tl_jax.networks.transformer import TransformerConfig
+    from t2tl_jax.registry import make_env, register_agent, register_config, register_env, register_task_encoder
+    from t2tl_jax.runs.callbacks import Callback, Progress
+    from t2tl_jax.runs.config import Config
+    from t2tl_jax.runs.policy import Policy
+    from t2tl_jax.runs.result import Result
+    from t2tl_jax.runs.train import evaluate, load, resume, train
+    from t2tl_jax.task_env import TaskEnv
+    from t2tl_jax.training.types import Agent, LearnerConfig
+    from t2tl_jax.wrappers import TaskInObservation
+
+_HOME = {
+    "Agent": "training.types",
+    "Callback": "runs.callbacks",
+    "Config": "runs.config",
+    "ContextConfig": "networks.context",
+    "DQNConfig": "agents.dqn",
+    "EnvConfig": "env",
+    "Formula": "ltl",
+    "LabelledEnv": "env",
+    "LearnerConfig": "training.types",
+    "NetworkConfig": "networks.actor_critic",
+    "OneHotConfig": "networks.task_encoders",
+    "PPOConfig": "agents.ppo",
+    "Policy": "runs.policy",
+    "Progress": "runs.callbacks",
+    "QNetworkConfig": "networks.q_network",
+    "Result": "runs.result",
+    "TaskEncoderConfig": "networks.task_encoder",
+    "TaskEnv": "task_env",
+    "TaskInObservation": "wrappers",
+    "TaskTable": "ltl",
+    "TransformerConfig": "networks.transformer",
+    "UserError": "errors",
+    "compile_tasks": "ltl",
+    "evaluate": "runs.train",
+    "load": "runs.train",
+    "make_dqn": "agents.dqn",
+    "make_env": "registry",
+    "make_ppo": "agents.ppo",
+    "parse": "ltl",
+    "progress": "ltl",
+    "register_agent": "registry",
+    "register_config": "registry",
+    "register_env": "registry",
+    "register_family": "ltl",
+    "register_task_encoder": "registry",
+    "resume": "runs.train",
+    "sample": "ltl",
+    "train": "runs.train",
+}
+"""The module of this package that each name comes from."""
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name of the face when it is first used."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_HOME]

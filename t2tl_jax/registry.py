@@ -6,7 +6,7 @@ itself; other modules are named on the command line (``--import MODULE``), or im
 """
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, is_dataclass
 from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar
@@ -84,9 +84,9 @@ class Registry(Generic[T]):
         """
         return self._find(config)[0]
 
-    def make(self, config: Any, *arguments: Any) -> T:
-        """The thing that `config` describes; UserError if its class is not registered."""
-        return self._find(config)[1].make(config, *arguments)
+    def maker(self, config: Any) -> Callable[..., T]:
+        """The function that makes what `config` describes; UserError if its class is not registered."""
+        return self._find(config)[1].make
 
     def _find(self, config: Any) -> tuple[str, Kind[T]]:
         for name, kind in self._kinds.items():
@@ -190,13 +190,11 @@ def make_env(name_or_config: Any) -> Any:
         UserError: for an unknown name, with the nearest, or a configuration of a class that is not registered.
     """
     if not isinstance(name_or_config, str):
-        return ENVS.make(name_or_config)
-    known: Iterable[str] = {*env_names(), *ENVS.names()}
-    if name_or_config in _NAMED_ENVS:
-        return ENVS.make(_NAMED_ENVS[name_or_config])
-    if name_or_config not in known:
-        raise unknown("environment", name_or_config, known)
-    return ENVS.make(ENVS.config_class(name_or_config)())
+        return ENVS.maker(name_or_config)(name_or_config)
+    named = {name: ENVS.config_class(name)() for name in ENVS.names()} | _NAMED_ENVS
+    if name_or_config not in named:
+        raise unknown("environment", name_or_config, named)
+    return make_env(named[name_or_config])
 
 
 def env_names() -> tuple[str, ...]:

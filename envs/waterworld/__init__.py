@@ -9,6 +9,7 @@ from envs.waterworld.water_env import (
     WaterWorldConfig,
     WaterWorldState,
 )
+from t2tl_jax.registry import register_env
 
 __all__ = [
     "COLOURS",
@@ -19,3 +20,15 @@ __all__ = [
     "WaterWorldConfig",
     "WaterWorldState",
 ]
+
+register_env(
+    "waterworld",
+    WaterWorldConfig,
+    WaterWorld,
+    {
+        "WaterWorld": WaterWorldConfig(),
+        "WaterWorld-random": WaterWorldConfig(layout="random"),
+        # The original's worlds, under their published names: six colours, labels one step late.
+        **{f"Water-M{i}-v0": WaterWorldConfig(colours=LETTERS, map_number=i, delay=1) for i in range(11)},
+    },
+)

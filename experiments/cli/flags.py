@@ -1,15 +1,18 @@
-"""Flags to a dataclass with tyro, and errors that name the nearest valid spelling.
+"""Flags to a dataclass, and errors that name the nearest valid spelling.
 
-Loads no JAX, so that ``--help`` and mistakes of the commands that read a finished run are answered at once.
+tyro writes the help and reads the values. Which flags there are and what each of them takes is told by the dataclass
+itself, so that mistakes are found here, in words of our own. Loads no JAX, so that ``--help`` and mistakes of the
+commands that read a finished run are answered at once.
 """
 
 import contextlib
 import dataclasses
 import io
-import re
-from collections.abc import Iterator, Sequence
+import typing
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from types import UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import tyro
 
@@ -22,6 +25,8 @@ OPTIONS = (tyro.conf.FlagConversionOff, tyro.conf.AvoidSubcommands)
 """Truth values are written out (``--run.gif False``), as in the configuration file. Of environments, networks and
 learners the flags are those of the kind that the chosen configuration has."""
 
+HELP = {"-h", "--help"}
+
 
 def parse(
     kind: type[T],
@@ -31,7 +36,7 @@ def parse(
     default: T | None = None,
     others: Sequence[str] = (),
 ) -> T:
-    """Fill a dataclass from flags with tyro; prints help and exits 0 for ``--help``.
+    """Fill a dataclass from flags; prints help and exits 0 for ``--help``.
 
     Args:
         kind: the dataclass.
@@ -44,21 +49,29 @@ def parse(
     Raises:
         UserError: for flags that do not fit, with the nearest valid spelling.
     """
-    complaints = io.StringIO()
+    texts = list(arguments)
+    if HELP & set(texts):
+        instance = {} if default is None else {"default": default}
+        tyro.cli(kind, prog=prog, description=description, args=["--help"], config=OPTIONS, **instance)  # type: ignore[call-overload]
+    fields = dict(_fields(kind if default is None else default))
+    _refuse_unknown(texts, [*fields, *others], prog)
+    given = _grouped(texts)
     try:
-        with contextlib.redirect_stderr(complaints):
-            if default is None:
-                return tyro.cli(kind, prog=prog, description=description, args=list(arguments), config=OPTIONS)
-            return tyro.cli(
-                kind, prog=prog, description=description, default=default, args=list(arguments), config=OPTIONS
-            )
-    except SystemExit as stop:
-        if stop.code in (0, None):
-            raise
-        known = [*_options(kind if default is None else default), *others]
-        raise _misspelt(arguments, known, prog) or _plain(complaints.getvalue(), kind.__name__) from None
+        if default is not None:
+            if given.pop("", None):
+                raise UserError(f"every option begins with --, got {texts[0]!r}; see {prog} --help")
+            return _replaced(default, {flag: _value(flag, fields[flag], words) for flag, words in given.items()})
+        for flag, words in given.items():
+            if flag:
+                _value(flag, fields[flag], words)
+        with contextlib.redirect_stderr(io.StringIO()) as complaint:
+            return tyro.cli(kind, prog=prog, description=description, args=texts, config=OPTIONS)
+    except UserError:
+        raise
     except ValueError as error:  # from the checks of the dataclasses
         raise UserError(str(error)) from error
+    except SystemExit:
+        raise UserError(complaint.getvalue().strip()) from None
 
 
 def check_picture(flag: str, file: Path | None) -> None:
@@ -67,41 +80,90 @@ def check_picture(flag: str, file: Path | None) -> None:
         raise UserError(f"{flag} is written as PNG: give a name that ends in .png, got {file}")
 
 
-def _options(part: Any, prefix: str = "--") -> Iterator[str]:
-    """The flags for the fields of a dataclass or an instance of one; a part has those of its own fields."""
+def _fields(part: Any, prefix: str = "--") -> Iterator[tuple[str, Any]]:
+    """The flags of a dataclass or an instance of one, with what each takes; a part has those of its own fields."""
+    hints = typing.get_type_hints(part if isinstance(part, type) else type(part), include_extras=True)
     for field in dataclasses.fields(part):
         flag, value = prefix + field.name.replace("_", "-"), getattr(part, field.name, None)
-        if dataclasses.is_dataclass(value):
-            yield from _options(value, flag + ".")
+        if dataclasses.is_dataclass(value) and not isinstance(value, type):
+            yield from _fields(value, flag + ".")
         else:
-            yield flag
+            yield flag, hints[field.name]
 
 
-def _misspelt(arguments: Sequence[str], known: Sequence[str], prog: str) -> UserError | None:
-    """The error for flags that do not exist, each with the nearest that does; None if all do."""
+def _refuse_unknown(arguments: Sequence[str], known: Sequence[str], prog: str) -> None:
     given = [argument.partition("=")[0] for argument in arguments if argument.startswith("--")]
-    wrong = [flag for flag in given if flag.replace("_", "-") not in (*known, "--help")]
-    lines = [f"unknown option {flag!r}; did you mean {nearest(flag, known)!r}?" for flag in wrong]
-    return UserError("\n".join([*lines, f"All options: {prog} --help"])) if lines else None
+    wrong = [flag for flag in given if flag.replace("_", "-") not in known]
+    if wrong:
+        lines = [f"unknown option {flag!r}; did you mean {nearest(flag, known)!r}?" for flag in wrong]
+        raise UserError("\n".join([*lines, f"All options: {prog} --help"]))
 
 
-def _plain(complaint: str, root: str) -> UserError:
-    """The error that tyro wrote, without its box; with the nearest value where one of a few was expected.
+def _grouped(arguments: Sequence[str]) -> dict[str, list[str]]:
+    """The words behind every flag, the last time that it is given; under '' those before the first one."""
+    groups: dict[str, list[str]] = {}
+    flag = ""
+    for argument in arguments:
+        if argument.startswith("--"):
+            name, equals, value = argument.partition("=")
+            flag = name.replace("_", "-")
+            groups[flag] = [value] if equals else []
+        else:
+            groups.setdefault(flag, []).append(argument)
+    return groups
 
-    Of the check of a dataclass only what that says, with the name of the part unless it is the `root`.
-    """
-    text = re.sub(r"\x1b\[[0-9;]*m", "", complaint)
-    lines = [line.strip("│ ") for line in text.splitlines() if line.strip() and not re.match("[╭╰]", line)]
-    if len(lines) > 1 and set(lines[1]) == {"-"}:  # without Unicode the title stands above a rule
-        lines = lines[2:]
-    lines = [line for line in lines if line.strip("─-")]
-    sentence = " ".join(lines)  # tyro breaks lines anywhere
-    choice = re.search(r"invalid choice '([^']*)' for argument '([^']*)'. Expected one of \(('[^)]*)\)", sentence)
-    if choice:
-        given, flag, known = choice.groups()
-        return unknown(flag, given, re.findall(r"'([^']*)'", known))
-    check = re.fullmatch(r"Error parsing ([\w.]+): (.*?)( For full helptext.*)?", sentence)
-    if check:
-        part, said, _ = check.groups()
-        return UserError(said if part == root else f"{part}: {said}")
-    return UserError("\n".join(lines))
+
+def _value(flag: str, hint: Any, words: Sequence[str]) -> Any:
+    """What the words behind a flag mean."""
+    choices = _choices(hint)
+    if choices and len(words) == 1 and words[0] not in choices:
+        raise unknown(flag, words[0], choices)
+    one = dataclasses.make_dataclass("One", [("value", hint)])
+    try:
+        with contextlib.redirect_stderr(io.StringIO()):
+            return tyro.cli(one, args=["--value", *words], config=OPTIONS).value
+    except (SystemExit, ValueError):
+        raise UserError(f"{flag} takes {_described(hint)}, got {' '.join(words) or 'nothing'!r}") from None
+
+
+def _replaced(part: T, values: Mapping[str, Any], prefix: str = "--") -> T:
+    """The dataclass with other values, each part of it made once, so that its checks see all of them together."""
+    changes: dict[str, Any] = {}
+    for field in dataclasses.fields(part):  # type: ignore[arg-type]
+        flag, old = prefix + field.name.replace("_", "-"), getattr(part, field.name)
+        if flag in values:
+            changes[field.name] = values[flag]
+        elif dataclasses.is_dataclass(old) and any(name.startswith(flag + ".") for name in values):
+            try:
+                changes[field.name] = _replaced(old, values, flag + ".")
+            except UserError:
+                raise
+            except ValueError as error:
+                raise UserError(f"{(flag[2:]).replace('-', '_')}: {error}") from error
+    return dataclasses.replace(part, **changes) if changes else part  # type: ignore[type-var]
+
+
+def _choices(hint: Any) -> list[str]:
+    """The words that a flag takes, if they are a few."""
+    if get_origin(hint) is Annotated:
+        return _choices(get_args(hint)[0])
+    if get_origin(hint) is Literal:
+        return [str(value) for value in get_args(hint)]
+    if get_origin(hint) in (Union, UnionType):
+        parts = [part for part in get_args(hint) if part is not type(None)]
+        own = [_choices(part) for part in parts]
+        return sum(own, ["None"]) if all(own) else []
+    return ["True", "False"] if hint is bool else []
+
+
+def _described(hint: Any) -> str:
+    """What a flag takes, in words."""
+    if choices := _choices(hint):
+        return " or ".join(choices)
+    if get_origin(hint) is Annotated:
+        return "a whole number such as 200000 or 2e5" if get_args(hint)[0] is int else _described(get_args(hint)[0])
+    if get_origin(hint) in (Union, UnionType):
+        return " or ".join("None" if part is type(None) else _described(part) for part in get_args(hint))
+    if get_origin(hint) is tuple:
+        return f"values of which each is {_described(get_args(hint)[0])}"
+    return {int: "a whole number", float: "a number", str: "a text", Path: "a file name"}.get(hint, str(hint))

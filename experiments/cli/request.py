@@ -1,4 +1,4 @@
-"""Flags to configuration: named configs, methods, and overrides of any field."""
+"""Flags to configuration: named configurations, methods, and overrides of any field."""
 
 import argparse
 import dataclasses
@@ -8,32 +8,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from experiments.cli.flags import parse
-from experiments.configs import CONFIGS, Config
-from experiments.methods import METHODS
+import experiments.configs  # noqa: F401, registers the environments and configurations of this project
+from experiments.cli.flags import HELP, parse
+from experiments.cli.plugins import import_modules
+from experiments.methods import METHODS, apply
 from t2tl_jax.errors import UserError, explained, unknown
+from t2tl_jax.registry import configs, named_config
+from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.config_files import REGISTRIES
+from t2tl_jax.runs.folder import open_existing
 
 DESCRIPTION = """Train an agent on a temporal-logic task.
 
   --config NAME   start from a named configuration; every option below overrides one of its fields
   --method NAME   make it one of the methods t2tl, t1tl, gnn, rm, dfa or dfa_cont, all else being equal
-  --list          show the named configurations and the methods
-  --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer)
-                  and --run.* apply
-  --PART None     leave out an optional part that the configuration has, such as --network.context
+  --list          show the named configurations, the methods, and what else has a name
+  --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer),
+                  --until-solved and --run.* apply
+  --import MODULE a module of your own that registers environments, learners, task encoders or configurations
+  --PART KIND     another kind of environment (--env), learner (--learner) or task encoder
+                  (--learner.network.task-encoder), with its defaults
+  --PART None     leave out an optional part that the configuration has, such as --learner.network.context
 
 Examples:
   python -m experiments.run --config zone_ppo --seeds 4
   python -m experiments.run --config zone_ppo --method dfa_cont
   python -m experiments.run --config zone_ppo --method t1tl --pretrained ''
-  python -m experiments.run --config zone_ppo --ppo.learning-rate 1e-4 --frames 2e5 --task 'F(Red & F White)'
-  python -m experiments.run --config waterworld_dqn --dqn.batch-size 256 --env.layout random
+  python -m experiments.run --config zone_ppo --learner.learning-rate 1e-4 --frames 2e5 --task 'F(Red & F White)'
+  python -m experiments.run --config waterworld_dqn --learner.batch-size 256 --env.layout random
   python -m experiments.run --resume runs/zone_ppo/2026-01-31_12-00-00
 
 The defaults shown are those of the chosen configuration."""
 
 
-CHOOSING = ("--config", "--method", "--resume", "--list")
+CHOOSING = ("--config", "--method", "--resume", "--list", "--import")
 """The flags that come before those of the configuration's fields."""
 
 
@@ -52,18 +60,18 @@ class Request:
     rest: tuple[str, ...]
     """Flags for the fields of the configuration."""
 
+    @property
+    def helping(self) -> bool:
+        """Whether they only ask for help."""
+        return bool(HELP & set(self.rest))
+
 
 def names(prefix: str = "") -> list[str]:
     """The configurations whose names begin with `prefix`, without it."""
-    return [name.removeprefix(prefix) for name in CONFIGS if name.startswith(prefix)]
+    return [name.removeprefix(prefix) for name in configs() if name.startswith(prefix)]
 
 
-def default(prefix: str = "") -> str:
-    """The configuration whose values ``--help`` shows when none is named."""
-    return prefix + names(prefix)[0]
-
-
-def read_request(arguments: Sequence[str], prefix: str = "") -> Request:
+def read(arguments: Sequence[str], prefix: str = "") -> Request:
     """Split the flags that choose a configuration from those that override its fields.
 
     Args:
@@ -79,64 +87,89 @@ def read_request(arguments: Sequence[str], prefix: str = "") -> Request:
     parser.add_argument("--resume", type=Path)
     parser.add_argument("--list", action="store_true")
     try:
-        known, rest = parser.parse_known_args(list(arguments))
+        known, rest = parser.parse_known_args(import_modules(arguments))
     except argparse.ArgumentError as error:
         raise UserError(f"{error}; see --help") from error
-    helping = bool({"-h", "--help"} & set(rest))
+    asked = Request(known.config, known.method, known.resume, known.list, tuple(rest))
     if known.config is not None and known.config not in names(prefix):
         raise unknown("config", known.config, names(prefix))
     if known.method is not None and known.method not in METHODS:
         raise unknown("method", known.method, METHODS)
     if known.resume is not None and (known.config is not None or known.method is not None):
         raise UserError("--resume continues a run with its own configuration; leave --config and --method out")
-    if known.config is None and known.resume is None and not (known.list or helping):
+    if known.config is None and known.resume is None and not (known.list or asked.helping):
         raise UserError(
             f"choose a configuration with --config NAME ({', '.join(names(prefix))}), or a run with --resume RUN"
         )
-    return Request(known.config, known.method, known.resume, known.list, tuple(rest))
+    return asked
+
+
+def configuration(asked: Request, prefix: str, prog: str) -> tuple[Config, str]:
+    """The configuration that was asked for, and its name; for ``--resume`` that of the run, with what may change.
+
+    Raises:
+        UserError: for flags that do not fit.
+    """
+    if asked.resume is not None and not asked.helping:
+        return override(open_existing(asked.resume)[1], asked.rest, prog), asked.resume.name
+    name = prefix + (asked.config or names(prefix)[0])  # the first one for --help without a name
+    config = named_config(name)
+    if asked.method is not None:
+        config, name = apply(config, asked.method), f"{name}_{asked.method}"
+    return override(config, asked.rest, prog), name
 
 
 def list_configs(prefix: str = "") -> str:
-    """The named configurations and the methods, one per line."""
+    """The named configurations, the methods and the registered kinds, one per line."""
     width = max(map(len, [*names(prefix), *METHODS]))
-    configs = [f"{name:{width}}  {CONFIGS[prefix + name][1]}" for name in names(prefix)]
+    lines = [f"{name:{width}}  {configs()[prefix + name][1]}" for name in names(prefix)]
     methods = [f"{name:{width}}  {method.summary}" for name, method in METHODS.items()]
-    return "\n".join([*configs, "", "methods:", *methods])
+    kinds = [f"{registry.thing}s: {', '.join(registry.names())}" for registry in REGISTRIES.values()]
+    return "\n".join([*lines, "", "methods:", *methods, "", *kinds])
 
 
 def override(config: Config, arguments: Sequence[str], prog: str = "python -m experiments.run") -> Config:
     """The configuration with the fields that the flags name replaced; otherwise as ``flags.parse``."""
     with explained():  # what the checks of the dataclasses say
-        config, rest = without_parts(config, list(arguments))
+        config, rest = with_parts(config, list(arguments))
     return parse(Config, rest, prog, DESCRIPTION, default=config, others=CHOOSING)
 
 
-def without_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[Any, list[str]]:
-    """The dataclass less every part that a flag sets to None, and the other arguments.
+def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[Any, list[str]]:
+    """The dataclass with other kinds of parts where a flag names one, and without those that a flag sets to None.
 
-    tyro offers the fields of a part that is there, or None where there is none, but no way from one to the other.
+    tyro offers the fields of the part that is there, or None where there is none, but no way from one to the other.
+    Also returns the other arguments.
     """
+    changes: dict[str, Any] = {}
+    hints = typing.get_type_hints(type(config))
     for field in dataclasses.fields(config):
         value, flag = getattr(config, field.name), prefix + field.name.replace("_", "-")
         if not dataclasses.is_dataclass(value):
             continue
-        place = _find_none(arguments, flag)
-        if place is not None and type(None) in get_args(typing.get_type_hints(type(config))[field.name]):
-            value, arguments = None, arguments[: place.start] + arguments[place.stop :]
-        else:
-            value, arguments = without_parts(value, arguments, flag + ".")
+        place, word = _find(arguments, flag)
+        if word is not None and hints[field.name] in REGISTRIES:
+            value, arguments = REGISTRIES[hints[field.name]].config_class(word)(), _without(arguments, place)
+        elif word == "None" and type(None) in get_args(hints[field.name]):
+            changes[field.name], arguments = None, _without(arguments, place)
+            continue
+        value, arguments = with_parts(value, arguments, flag + ".")
         if value is not getattr(config, field.name):
-            config = dataclasses.replace(config, **{field.name: value})
-    return config, arguments
+            changes[field.name] = value
+    return (dataclasses.replace(config, **changes) if changes else config), arguments
 
 
-def _find_none(arguments: Sequence[str], flag: str) -> slice | None:
-    """Where the arguments say ``--flag None`` or ``--flag=None``; underscores count as hyphens."""
+def _find(arguments: Sequence[str], flag: str) -> tuple[slice, str | None]:
+    """Where the arguments say ``--flag WORD`` or ``--flag=WORD``, and the word; underscores count as hyphens."""
     for i, argument in enumerate(arguments):
         name, equals, value = argument.partition("=")
         if name.replace("_", "-") == flag:
-            if equals and value == "None":
-                return slice(i, i + 1)
-            if not equals and arguments[i + 1 : i + 2] == ["None"]:
-                return slice(i, i + 2)
-    return None
+            if equals:
+                return slice(i, i + 1), value
+            if i + 1 < len(arguments) and not arguments[i + 1].startswith("--"):
+                return slice(i, i + 2), arguments[i + 1]
+    return slice(0), None
+
+
+def _without(arguments: list[str], place: slice) -> list[str]:
+    return arguments[: place.start] + arguments[place.stop :]

@@ -76,7 +76,7 @@ register_task_encoder("one_hot", OneHotConfig, OneHotTaskEncoder)
 
 def make_task_encoder(config: TaskEncoderConfig) -> nn.Module:
     """The module that a configuration stands for; ValueError if its class is not registered."""
-    return TASK_ENCODERS.make(config)
+    return TASK_ENCODERS.maker(config)(config)
 
 
 def attention_weights(encoder: TransformerTaskEncoder, params: dict, table: TaskTable) -> jax.Array:

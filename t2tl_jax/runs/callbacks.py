@@ -1,56 +1,66 @@
-"""Where metrics go while a run trains: ``metrics.csv`` and TensorBoard events, one event file per seed."""
+"""What watches a training: the interface of metrics files, of a progress bar, or of anything that a user brings.
 
-from collections.abc import Sequence
+Callbacks run on the host between iterations, in the order in which they are given; what one of them raises ends the
+training. `loggers.py` and `progress_bar.py` hold those of this project.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-import tensorboardX
+from t2tl_jax.runs.config import Config
 
-from t2tl_jax.training.types import Metrics
-from t2tl_jax.runs import metrics_file
+Row = Mapping[str, float | int | None]
+"""One iteration of one seed by name, as in ``metrics.csv``; None for an average over no episodes."""
 
 
-class Recorder:
-    """Writes the metrics of each iteration to every sink of a run folder."""
+@dataclass
+class Progress:
+    """How far a training is; callbacks may read it, and end the training by setting `stop`."""
 
-    def __init__(self, folder: Path, seeds: Sequence[int], after: int = 0) -> None:
-        """Open the sinks of a new run, or those of a resumed one.
+    config: Config
+    """What is trained."""
+    seeds: tuple[int, ...]
+    """Numbers of the seeds."""
+    iterations: int
+    """Iterations in all, unless it ends before."""
+    frames_per_iteration: int
+    """Environment steps of each seed in one iteration."""
+    has_pools: bool = False
+    """Whether training takes one pool of random tasks after another."""
+    folder: Path | None = None
+    """Of the run; None for one that is not kept on disk."""
+    done: int = 0
+    """Iterations behind us."""
+    started_from: int = 0
+    """Iterations that earlier sessions of a resumed run had done."""
+    compile_seconds: float = 0.0
+    """What compiling took in this session."""
+    train_seconds: float = 0.0
+    """What training took in this session, so far."""
+    solved_since: tuple[int, ...] = ()
+    """By seed, the iteration from which on its success rate stayed above 95 %, counted from 1; 0 while it does not."""
+    stop: str = ""
+    """Why the training is to end before its last iteration, in a few words; '' to go on."""
+    notes: dict[str, Any] = field(default_factory=dict)
+    """What else there is to know of the run, by name, such as what its pre-training cost."""
 
-        Args:
-            folder: of the run.
-            seeds: their numbers, in the order of the seed axis.
-            after: the iteration of the checkpoint that is resumed; later records are dropped.
 
-        Raises:
-            MetricsFileError: if the metrics file does not reach the checkpoint.
-        """
-        self._seeds = tuple(seeds)
-        self._csv = metrics_file.MetricsFile(folder / "metrics.csv", after)
-        self._events = [
-            tensorboardX.SummaryWriter(
-                str(folder / "tensorboard" / f"seed_{seed}"), purge_step=after + 1 if after else None
-            )
-            for seed in self._seeds
-        ]
+class Callback:
+    """Does nothing; derive from it and override what you need."""
 
-    def record(self, metrics: Metrics, iteration: int, frames: int) -> list[dict[str, float | int | None]]:
-        """Write one iteration (``metrics`` on the host, with leading axis [seeds]) and return its rows."""
-        rows = metrics_file.rows(metrics, iteration, frames, self._seeds)
-        self._csv.append(rows)
-        for events, row in zip(self._events, rows, strict=True):
-            for name, value in row.items():
-                if value is not None and name not in ("iteration", "seed"):
-                    group = "episodes" if name in metrics_file.EPISODE_COLUMNS else "training"
-                    events.add_scalar(f"{group}/{name}", value, iteration)
-        return rows
+    def on_plan(self, progress: Progress) -> None:
+        """Everything has been checked; compiling comes next."""
 
-    def sync(self) -> None:
-        """Bring everything recorded so far to the disk."""
-        self._csv.sync()
-        for events in self._events:
-            events.flush()
+    def on_start(self, progress: Progress) -> None:
+        """Compiled; the first iteration comes next."""
 
-    def close(self) -> None:
-        """Close the sinks."""
-        self._csv.close()
-        for events in self._events:
-            events.close()
+    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+        """An iteration is over: one row for each seed, in the order of the seeds."""
+
+    def on_checkpoint(self, progress: Progress) -> None:
+        """A checkpoint is about to be written, which counts on everything recorded so far."""
+
+    def on_end(self, progress: Progress) -> None:
+        """The training is over, also if it was interrupted or failed."""

@@ -1,20 +1,18 @@
 """Evaluating the policies of a run, and keeping the results beside it."""
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-import jax
-
-from envs.zones import ZoneConfig
-from t2tl_jax.runs import machine_files
-from t2tl_jax.runs.build import Experiment
-from experiments.configs import Config
 from t2tl_jax.errors import UserError
-from t2tl_jax.runs.folder import RunFolder, read_json, write_json
-from experiments.views import view_of
 from t2tl_jax.evaluation.animation import captions, record, save_gif
 from t2tl_jax.evaluation.episodes import evaluate_seeds
 from t2tl_jax.evaluation.report import Report, summarise
-from t2tl_jax.training.seeds import ANIMATION, EVALUATION, parse_seeds, stream_keys
+from t2tl_jax.runs import machine_files
+from t2tl_jax.runs.experiment import Experiment
+from t2tl_jax.runs.folder import RunFolder, read_json, write_json
+from t2tl_jax.runs.policy import of_seed
+from t2tl_jax.training.seeds import ANIMATION, EVALUATION, stream_keys
+from t2tl_jax.training.types import Params
 
 POLICIES = {"deterministic": True, "sampled": False}
 """The mode of the policy's distribution, and draws from it (what was trained)."""
@@ -23,11 +21,12 @@ Settings = dict[str, str | int]
 """What an evaluation was of; two results with equal settings replace each other."""
 
 
-def settings(folder: RunFolder, config: Config, checkpoint: str, iteration: int, episodes: int) -> Settings:
+def settings(folder: RunFolder, experiment: Experiment, checkpoint: str, iteration: int, episodes: int) -> Settings:
     """Everything that tells one evaluation of a run from another, wherever its folder is moved."""
+    config = experiment.config
     return {
         "task": machine_files.name_of(config.task, folder.path),
-        **({"physics": config.env.physics} if isinstance(config.env, ZoneConfig) else {}),
+        "physics": experiment.env.backend,
         "checkpoint": checkpoint,
         "iteration": iteration,
         "episodes": episodes,
@@ -35,25 +34,36 @@ def settings(folder: RunFolder, config: Config, checkpoint: str, iteration: int,
     }
 
 
-def evaluate(experiment: Experiment, config: Config, params: Any, episodes: int) -> dict[str, Report]:
+def evaluate(experiment: Experiment, params: Params, episodes: int, episode_length: int) -> dict[str, Report]:
     """Play complete episodes with both policies of every seed, on the key stream kept for that.
 
+    Both programs compile and run side by side.
+
     Args:
-        experiment: environment and learner.
-        config: for seeds, time limit and discount.
+        experiment: environment, task and learner.
         params: with leading axis [seeds].
         episodes: per seed and policy.
+        episode_length: time limit in steps.
     """
-    seeds = parse_seeds(config.seeds)
-    keys = stream_keys(seeds, EVALUATION)
-    return {
-        name: summarise(
-            evaluate_seeds(experiment.of_seed, seeds, params, keys, episodes, config.episode_length, deterministic),
-            seeds,
-            config.learner.discount,
+    seeds, discount = experiment.seeds, experiment.config.learner.discount
+    keys, env_params = stream_keys(seeds, EVALUATION), experiment.env_params(training=False)
+
+    def one(deterministic: bool) -> Report:
+        played = evaluate_seeds(
+            experiment.task_env,
+            experiment.agent,
+            params,
+            env_params,
+            keys,
+            episodes,
+            episode_length,
+            discount,
+            deterministic,
         )
-        for name, deterministic in POLICIES.items()
-    }
+        return summarise(played, seeds)
+
+    with ThreadPoolExecutor(max_workers=len(POLICIES)) as threads:
+        return dict(zip(POLICIES, threads.map(one, POLICIES.values()), strict=True))
 
 
 def stored(folder: RunFolder) -> list[dict[str, Any]]:
@@ -85,25 +95,26 @@ def store(folder: RunFolder, what: Settings, reports: dict[str, Report]) -> None
         raise UserError(f"cannot write {folder.evaluation}: {error.strerror or error}") from error
 
 
-def draw_episode(experiment: Experiment, config: Config, params: Any, folder: RunFolder) -> bool:
+def draw_episode(experiment: Experiment, params: Params, folder: RunFolder) -> bool:
     """Write the GIF of one episode of the first seed's deterministic policy; False for environments without a view.
 
     Args:
-        experiment: environment and learner.
-        config: for seeds and time limit.
+        experiment: environment, task and learner.
         params: with leading axis [seeds].
         folder: of the run.
     """
-    view = view_of(experiment.env)
+    view = experiment.env.view()
     if view is None:
         return False
-    seeds = parse_seeds(config.seeds)
-    key = stream_keys(seeds, ANIMATION)[0]
-    env, agent = experiment.of_seed(jax.numpy.uint32(seeds[0]))
-    first = jax.tree.map(lambda x: x[0], params)
-    recording = record(env, view, agent, first, key, config.episode_length, deterministic=True)
+    key = stream_keys(experiment.seeds, ANIMATION)[0]
+    env_params = experiment.env_params(training=False)
+    env_params = env_params.replace(env=of_seed(env_params.env, 0))
+    length = experiment.config.episode_length
+    recording = record(
+        experiment.task_env, view, experiment.agent, of_seed(params, 0), env_params, key, length, deterministic=True
+    )
     try:
-        save_gif(recording, view, folder.gif, captions(experiment.row_texts))
+        save_gif(recording, view, folder.gif, captions(experiment.row_texts()))
     except OSError as error:
         raise UserError(f"cannot write {folder.gif}: {error.strerror or error}") from error
     return True

@@ -1,169 +1,110 @@
-"""From a configuration to the objects that train and evaluate it."""
+"""From a configuration to the objects that train and evaluate it, each of them built once."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import jax
 import numpy as np
 
-from envs import registry
+import t2tl_jax.agents  # noqa: F401, registers the learners and, with them, the task encoders
 from t2tl_jax.env import LabelledEnv
-from envs.waterworld import WaterWorldConfig
-from experiments.configs import Config
-from t2tl_jax.errors import explained
+from t2tl_jax.errors import UserError, explained
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.registry import AGENTS, ENVS
+from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.pools import make_pools, make_table
+from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training.program import Program, trace
+from t2tl_jax.training.seeds import TRAINING, parse_seeds, stream_keys
 from t2tl_jax.training.types import Agent
-from t2tl_jax.agents.dqn import make_dqn
-from t2tl_jax.agents.ppo import make_ppo
-from t2tl_jax.ltl import AT_MOST_ONE, TaskTable, TooLargeError, compile_named, compile_pool, is_family
-from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.q_network import QNetworkConfig
-from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.seeds import parse_seeds
-
-DRAWS_PER_POOL = 10
-"""How often a pool is drawn until its formulas fit into the table; after that, the first pool comes again."""
 
 
 @dataclass(frozen=True)
 class Experiment:
     """What a configuration stands for."""
 
-    env: TaskEnv
-    """For evaluation: every episode starts with a whole task. Of a family, these are tasks that training never drew
-    on purpose: a pool of its own."""
+    config: Config
+    """The configuration."""
+    env: LabelledEnv
+    """The environment without a task."""
+    table: TaskTable
+    """The task; of a family, tasks to evaluate on, a pool of its own that training never draws on purpose."""
     agent: Agent
     """The learner."""
-    iterations: int
-    """As many as are needed for the frames asked for."""
-    row_texts: tuple[str, ...] = ()
-    """What every row of the task table says, for pictures."""
-    member: Callable[[jax.Array], tuple[TaskEnv, Agent]] | None = None
-    """Environment and learner as a function of the seed, where they differ between the seeds of a run."""
-
-    pools: Callable[[int], TaskTable] | None = None
+    pools: Callable[[int], TaskTable] | None
     """The tables that training takes one after another, by their number; None where the tasks are fixed."""
 
-    def of_seed(self, seed: jax.Array) -> tuple[TaskEnv, Agent]:
-        """Environment (for evaluation) and learner of one seed, whose number may be traced."""
-        return (self.env, self.agent) if self.member is None else self.member(seed)
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Numbers of the seeds, all of which train in one program."""
+        return parse_seeds(self.config.seeds)
+
+    @property
+    def task_env(self) -> TaskEnv:
+        """For evaluation: every episode starts with a whole task."""
+        return TaskEnv(self.env, self.table)
+
+    def table_at(self, done: int) -> TaskTable:
+        """The tasks that are trained on after `done` iterations; they depend on nothing else, so a resumed run goes on
+        with the same ones."""
+        return self.table if self.pools is None else self.pools(done // self.config.pool.period)
+
+    def env_params(self, training: bool) -> TaskParams:
+        """What varies between the seeds, stacked with leading axis [seeds], and the one table of all of them.
+
+        With `training` False, what an evaluation uses: where maps are random, others than training had.
+        """
+        of_seed = [self.env.make_params(seed, training) for seed in self.seeds]
+        stacked = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *of_seed)
+        return TaskParams(env=stacked, table=self.table_at(0) if training else self.table)
+
+    @cached_property
+    def program(self) -> Program:
+        """The one program that trains all seeds, traced but not compiled."""
+        return trace(self.agent, self.seeds, self.env_params(training=True), restartable=self.pools is not None)
+
+    @cached_property
+    def params_shapes(self) -> Any:
+        """Shapes and dtypes of the parameters of all seeds, leading axis [seeds]: a tree of ``jax.ShapeDtypeStruct``.
+
+        Raises:
+            ValueError: if the network cannot read the task.
+        """
+        axes = TaskParams(env=0, table=None)  # type: ignore[arg-type]  # one table for all seeds
+        init = jax.vmap(self.agent.init, in_axes=(0, axes))
+        return jax.eval_shape(init, stream_keys(self.seeds, TRAINING), self.env_params(training=False)).params
+
+    def with_table(self, table: TaskTable) -> "Experiment":
+        """The same learner and environment with another task, to evaluate on."""
+        return replace(self, table=table)
+
+    def row_texts(self) -> Sequence[str]:
+        """What every row of the task table says, for pictures."""
+        return tuple(self.table.text(row) for row in range(self.table.num_rows))
 
 
-def build(config: Config) -> Experiment:
+def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
     """Environment, task table and learner.
+
+    Args:
+        config: what to build.
+        env: the environment itself, where it is given instead of named.
 
     Raises:
         UserError: for an unknown task or impossible settings, in the words of whoever noticed.
     """
     with explained():
-        env = registry.make(config.env)
-        _check_maps(config)
-        table = make_table(config, env)
-        iterations = -(-config.frames // config.learner.frames_per_iteration)
-
-        def member(seed: jax.Array) -> tuple[TaskEnv, Agent]:
-            own = env.for_seed(seed)
-            return TaskEnv(own, table), _make_agent(config, TaskEnv(own, table, config.simultaneous), iterations)
-
-        agent = _make_agent(config, TaskEnv(env, table, config.simultaneous), iterations)
-        texts = tuple(table.text(row) for row in range(table.num_rows))
-        return Experiment(TaskEnv(env, table), agent, iterations, texts, member, make_pools(config, env))
-
-
-def _check_maps(config: Config) -> None:
-    """Every seed must have its map where maps go by seed; traced numbers cannot be checked later."""
-    env = config.env
-    if isinstance(env, WaterWorldConfig) and env.layout == "by_seed":
-        largest = max(parse_seeds(config.seeds))
-        if largest >= env.pool_size:
-            raise ValueError(
-                f"seed {largest} trains on map {largest}, but the pool holds the maps 0 to {env.pool_size - 1}; "
-                f"set env.pool_size to {largest + 1} or more, or env.layout to fixed"
+        env = ENVS.maker(config.env)(config.env) if env is None else env
+        table, pools = make_table(config, env), make_pools(config, env)
+        training_env = TaskEnv(env, table, config.random_starts)
+        make_agent = AGENTS.maker(config.learner)
+        agent = make_agent(training_env, config.learner, config.episode_length, config.iterations)
+        if pools is not None and agent.restart is None:
+            raise UserError(
+                f"{config.task} is a family of random tasks, which change during training, and this learner's replay "
+                "holds steps of former tasks; train families with ppo, or this learner on a single task"
             )
+        return Experiment(config, env, table, agent, pools)
 
-
-def make_table(config: Config, env: LabelledEnv) -> TaskTable:
-    """Compile the task of a configuration for an environment; of a family, a pool to evaluate on.
-
-    Raises:
-        ValueError: for an unknown task, a formula with mistakes, one of other propositions, or one that is decided
-            before the first step.
-    """
-    if is_family(config.task, env.propositions):
-        return _pool(config, env, "evaluation")
-    table = compile_named(config.task, env.propositions, env.alphabet, length=config.task_length or None)
-    _check_open(config.task, table)
-    return table
-
-
-def _check_open(task: str, table: TaskTable) -> None:
-    """Refuse what every episode would end with at its first step, whatever the agent does."""
-    verdicts = np.asarray(table.verdict)[np.asarray(table.initial_row)]
-    if (verdicts > 0).any():
-        raise ValueError(f"{task} is true from the start, so there is nothing to learn; give another task")
-    if (verdicts < 0).any():
-        reason = ""
-        if table.alphabet == AT_MOST_ONE:
-            reason = f": at most one of {', '.join(table.propositions)} holds at a time in this environment"
-        raise ValueError(
-            f"{task} can never be satisfied{reason}; give a task that can, such as one goal after another, F(a & F b)"
-        )
-
-
-def make_pools(config: Config, env: LabelledEnv) -> Callable[[int], TaskTable] | None:
-    """The pools that a family is trained on, by number; None for any other task.
-
-    Asking for pool 0 raises ``TooLargeError`` where the caps are too small. Later pools always come: a run that could
-    begin does not end because of an unlucky draw.
-    """
-    if not is_family(config.task, env.propositions):
-        return None
-
-    @cache
-    def first() -> TaskTable:
-        return _pool(config, env, "0")
-
-    def pool(number: int) -> TaskTable:
-        if number == 0:
-            return first()
-        # By the number alone, so that a resumed run meets the same pools.
-        for which in (str(number), *(f"{number} again {draw}" for draw in range(1, DRAWS_PER_POOL))):
-            try:
-                return _pool(config, env, which)
-            except TooLargeError:
-                continue
-        return first()
-
-    return pool
-
-
-def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
-    if config.network.task_encoder == "one_hot":
-        raise ValueError(
-            f"{config.task} is a family of random tasks, and a one-hot code says nothing about a task that was not "
-            "seen before; use a task encoder that reads formulas, such as transformer"
-        )
-    if config.task_length:
-        raise ValueError(f"rows of a pool have pool.length={config.pool.length} tokens; leave task_length at 0")
-    pool = config.pool
-    try:
-        return compile_pool(
-            config.task.strip(),
-            env.propositions,
-            env.alphabet,
-            f"{pool.seed} {which}",
-            size=pool.size,
-            rows=pool.rows,
-            length=pool.length,
-        )
-    except TooLargeError as error:
-        raise TooLargeError(f"{error}; the flags: --pool.length, --pool.rows, --pool.size") from error
-
-
-def _make_agent(config: Config, env: TaskEnv, iterations: int) -> Agent:
-    if config.dqn is not None:
-        assert isinstance(config.network, QNetworkConfig)  # checked when the configuration was made
-        return make_dqn(env, config.network, config.dqn, config.episode_length, iterations)
-    assert config.ppo is not None and isinstance(config.network, NetworkConfig)
-    renewable = is_family(config.task, env.env.propositions)
-    return make_ppo(env, config.network, config.ppo, config.episode_length, iterations, renewable)

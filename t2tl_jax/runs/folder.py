@@ -1,17 +1,17 @@
 """The folder of a run: what it is called, what lies in it, and who may write to it."""
 
 import fcntl
+import itertools
 import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from t2tl_jax.runs import config_files, machine_files
-from experiments.configs import Config
+from t2tl_jax.runs.config import Config
 from t2tl_jax.errors import UserError
 
 
@@ -30,59 +30,43 @@ class RunFolder:
         self.evaluation = self.path / "evaluation.json"
 
 
-def create(base: Path, name: str, config: Config, versions: dict[str, Any]) -> RunFolder:
-    """Make ``base/<name>/<time>`` with the resolved configuration and the versions. Never touches an existing folder.
+def new_path(base: Path, name: str) -> Path:
+    """A folder ``base/name/<time>`` that does not exist yet."""
+    stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    parent = Path(base).expanduser() / name
+    return next(
+        path
+        for path in (parent / (stamp if attempt == 1 else f"{stamp}_{attempt}") for attempt in itertools.count(1))
+        if not path.exists()
+    )
+
+
+def create(path: Path, config: Config, versions: dict[str, Any]) -> RunFolder:
+    """Make the folder of a new run, with the resolved configuration and the versions.
 
     A task from a file is copied; see ``machine_files.with_copy`` for the configuration that means the copy.
 
     Raises:
-        UserError: if it cannot be written.
+        UserError: if it cannot be written, or is there already with something in it.
     """
+    path = Path(path).expanduser()
+    content = config_files.to_json(config)  # refuses what cannot be stored, before anything is written
     machine = machine_files.read(config)
-    stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    parent = Path(base).expanduser() / name
     try:
-        parent.mkdir(parents=True, exist_ok=True)
-        for attempt in range(1, 1000):
-            path = parent / (stamp if attempt == 1 else f"{stamp}_{attempt}")
-            try:
-                path.mkdir()
-                break
-            except FileExistsError:
-                continue
-        return _begin(path, config, machine, versions)
-    except OSError as error:
-        raise UserError(f"cannot create a run in {parent}: {error.strerror or error}; see --run.folder") from error
-
-
-def create_inside(outer: RunFolder, name: str, config: Config, versions: dict[str, Any]) -> RunFolder:
-    """A run in a folder of another run, made anew or as an interrupted session of the same configuration left it.
-
-    Raises:
-        UserError: if it cannot be written, or holds a run of another configuration.
-    """
-    path = outer.path / name
-    if (path / "config.json").is_file():
-        folder, stored = open_existing(path)
-        same = machine_files.same_task(stored.task, config.task)
-        if not same or replace(stored, run=config.run, task=config.task) != config:
-            raise UserError(f"{path} holds a run of another configuration; move it away")
+        path.mkdir(parents=True, exist_ok=True)
+        if any(path.iterdir()):
+            hint = " (resume continues a run)" if (path / "config.json").exists() else ""
+            raise UserError(f"{path} is not empty{hint}; a new run needs a folder of its own")
+        folder = RunFolder(path)
+        for name, copied in machine.items():
+            (path / name).write_bytes(copied)
+        write_json(folder.versions, {"started": versions})
+        write_text(folder.config, content)
+        if machine:
+            write_config(folder, config)
         return folder
-    machine = machine_files.read(config)
-    try:
-        path.mkdir(exist_ok=True)
-        return _begin(path, config, machine, versions)
     except OSError as error:
-        raise UserError(f"cannot create a run in {path}: {error.strerror or error}") from error
-
-
-def _begin(path: Path, config: Config, machine: dict[str, bytes], versions: dict[str, Any]) -> RunFolder:
-    folder = RunFolder(path)
-    for name, content in machine.items():
-        (path / name).write_bytes(content)
-    write_json(folder.versions, {"started": versions})
-    write_config(folder, config)
-    return folder
+        raise UserError(f"cannot create a run in {path}: {error.strerror or error}; see --run.folder") from error
 
 
 def write_config(folder: RunFolder, config: Config) -> None:

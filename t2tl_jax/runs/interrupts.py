@@ -6,7 +6,7 @@ import sys
 import threading
 from collections.abc import Callable
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
 
@@ -15,6 +15,27 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 class Interrupted(Exception):
     """The user asked to stop; the message says when that was, as in "while compiling"."""
+
+
+class Stoppable(Protocol):
+    """Who may ask a training to stop."""
+
+    @property
+    def requested(self) -> bool:
+        """Whether to stop after this iteration."""
+
+    def call(self, function: Callable[[], T], when: str) -> T:
+        """Run something long that has nothing to save; Interrupted, saying `when`, if it is not to be waited for."""
+
+
+class NeverStop:
+    """Nobody asks: for a training in the middle of a program, where Ctrl-C is that program's own affair."""
+
+    requested = False
+
+    def call(self, function: Callable[[], T], when: str) -> T:
+        """Run it."""
+        return function()
 
 
 class StopRequest:

@@ -20,12 +20,13 @@ class Hooks:
     """``(iteration, train state)``; everything up to this iteration has been recorded."""
     stop: Callable[[], bool]
     """Whether to finish early."""
-    prepare: Callable[[int, Any], Any] = lambda done, train_state: train_state
-    """``(iterations behind us, train state)`` to the state that the next iteration starts from."""
+    prepare: Callable[[int, Any], tuple[Any, Any]]
+    """``(iterations behind us, train state)`` to the state that the next iteration starts from, and the environments'
+    parameters that it takes."""
 
 
 def train(
-    iterate: Callable[[Any], tuple[Any, Metrics]],
+    iterate: Callable[[Any, Any], tuple[Any, Metrics]],
     train_state: Any,
     done: int,
     total: int,
@@ -53,7 +54,7 @@ def train(
     saved_at, saved_iteration = time.monotonic(), done
     iteration = done
     while iteration < total and not hooks.stop():
-        train_state, metrics = iterate(hooks.prepare(iteration, train_state))
+        train_state, metrics = iterate(*hooks.prepare(iteration, train_state))
         iteration += 1
         if pending is not None:
             _record(pending, hooks)

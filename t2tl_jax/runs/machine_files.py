@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.configs import Config
+from t2tl_jax.runs.config import Config
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl.tasks import is_machine_file
 

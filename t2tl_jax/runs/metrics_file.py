@@ -199,3 +199,35 @@ def _cell(value: float | int | None) -> str:
     if value is None:
         return ""
     return str(value) if isinstance(value, int) else f"{value:.9g}"  # nine digits restore a float32 exactly
+
+
+def history(path: Path) -> dict[str, np.ndarray]:
+    """All columns of a ``metrics.csv`` as curves, ``float64[seeds, iterations]``, NaN where a cell is empty.
+
+    Raises:
+        MetricsFileError: as `read_columns`.
+    """
+    columns = read_columns(path)
+    return {name: by_seed(columns, name)[2] for name in columns if name not in ("iteration", "seed")}
+
+
+def ending(curves: Mapping[str, np.ndarray], last: float) -> dict[str, np.ndarray]:
+    """Average the last iterations of a run, every finished episode counting once.
+
+    Args:
+        curves: by name, float[seeds, iterations], as `history` gives them.
+        last: share of the iterations, at the end, above 0.
+
+    Returns:
+        By name (success_rate, discounted_return, length), float64[seeds]; NaN for a seed of which no episode ended.
+    """
+    episodes = curves["episodes"]
+    tail = slice(-max(1, round(last * episodes.shape[1])), None)
+    # A seed may lack the last rows: those of an iteration are written seed by seed.
+    ended = np.nansum(episodes[:, tail], axis=1)
+
+    def average(values: np.ndarray) -> np.ndarray:
+        weighted = np.nansum((values * episodes)[:, tail], axis=1)
+        return np.where(ended > 0, weighted / np.maximum(ended, 1), np.nan)
+
+    return {name: average(curves[name]) for name in ("success_rate", "discounted_return", "length")}

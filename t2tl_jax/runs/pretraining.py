@@ -1,29 +1,41 @@
-"""Pre-trained task encoders: which configuration trains one, whether one fits, what it cost."""
+"""Pre-trained task encoders: an earlier training whose encoder a run starts with.
 
-from dataclasses import fields, replace
+A configuration names a run (its folder) or says 'auto'; then the earlier training is done first, in a folder inside the
+run, and its result is handed on like any other.
+"""
+
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from envs import registry
-from envs.single_state import SingleStateConfig
-from t2tl_jax.runs import folder as run_folder, stored_params
-from t2tl_jax.runs.build import Experiment, make_table
-from experiments.compare import differences, ending
-from experiments.configs import PRETRAINING, Config
+from t2tl_jax.env import LabelledEnv
 from t2tl_jax.errors import UserError, explained
-from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.ltl import is_family
-from t2tl_jax.networks.task_encoders import TaskEncoderConfig
-from t2tl_jax.training import transfer
+from t2tl_jax.registry import TASK_ENCODERS, named_config
+from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs import machine_files
 from t2tl_jax.runs.checkpoints import Checkpoints
-from t2tl_jax.runs.metrics_file import MetricsFileError
+from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.differences import differences
+from t2tl_jax.runs.experiment import Experiment, build
+from t2tl_jax.runs.folder import RunFolder
+from t2tl_jax.runs.metrics_file import ending
+from t2tl_jax.training import transfer
 from t2tl_jax.training.seeds import parse_seeds
+from t2tl_jax.training.types import Params
+
+if TYPE_CHECKING:
+    from t2tl_jax.runs.result import Result
 
 AUTO = "auto"
 OWN = "own"
 """Behind ``auto:``, the task of the run itself."""
+
+SCHEDULE = "pretrain_zone"
+"""Name of the configuration whose sizes and schedule a pre-training takes; the encoder and the propositions are those
+of the run."""
 
 FOLDER = "pretraining"
 """Folder inside a run in which its own pre-training lies, an ordinary run."""
@@ -44,133 +56,126 @@ def located(config: Config) -> Config:
     return replace(config, pretrained=str(Path(config.pretrained).expanduser().resolve()))
 
 
-def matching(config: Config) -> Config:
+def matching(config: Config, env: LabelledEnv) -> Config:
     """The configuration that pre-trains a task encoder for `config`: same encoder, same propositions, same seeds.
 
     An encoder that reads padding also gets as much of it, as far as `config` says how much.
     """
-    encoder = {field.name: getattr(config.network, field.name) for field in fields(TaskEncoderConfig)}
-    propositions = _propositions(config)
+    base = named_config(SCHEDULE)
     _, _, named = config.pretrained.partition(":")
-    task = config.task if named == OWN else named or PRETRAINING.task
-    length = _set_length(config, propositions) if _reads_padding(config) else 0
-    random = is_family(task, propositions)
+    task = config.task if named == OWN else named or base.task
+    reader = config.learner.task_encoder
+    assert reader is not None  # checked with the configuration
+    length = _set_length(config, env) if reader.reads_padding else 0
+    random = is_family(task, env.propositions)
+    network = replace(base.learner.network, task_encoder=reader, freeze_task_encoder=False)
     return replace(
-        PRETRAINING,
-        env=SingleStateConfig(propositions),
+        base,
+        env=replace(base.env, propositions=tuple(env.propositions)),
         task=task,
         task_length=0 if random else length,
-        pool=replace(PRETRAINING.pool, length=length) if random and length else PRETRAINING.pool,
-        network=replace(PRETRAINING.network, **encoder | {"freeze_task_encoder": False}),
+        pool=replace(base.pool, length=length) if random and length else base.pool,
+        learner=replace(base.learner, network=network),
         seeds=config.seeds,
         run=replace(config.run, gif=False),
     )
 
 
-def open_fitting(config: Config) -> tuple[RunFolder, Config]:
-    """The pre-training run that `config.pretrained` names.
-
-    Raises:
-        UserError: if it is no run, has no checkpoint, or its encoder cannot be that of `config`; all this before
-            anything is traced or written.
-    """
-    folder, stored = run_folder.open_existing(Path(config.pretrained).expanduser())
-    kind, wanted = stored.network.task_encoder, config.network.task_encoder
-    if kind != wanted:
-        raise UserError(
-            f"{folder.path} trained a task encoder of kind {kind}, and this run has {wanted}; "
-            f"set --network.task-encoder {kind}, or pre-train another"
-        )
-    departures = list(differences(getattr(stored.network, kind), getattr(config.network, kind), f"network.{kind}."))
-    if departures:
-        raise UserError(
-            f"the task encoder of {folder.path} was made with other settings; this run has {', '.join(departures)}"
-        )
-    theirs, ours = _propositions(stored), _propositions(config)
-    if theirs != ours:
-        raise UserError(
-            f"the task encoder of {folder.path} reads formulas over {', '.join(theirs)}, in this order; "
-            f"this environment has {', '.join(ours)}"
-        )
-    check_padding(stored, config, str(folder.path))
-    _seed_index(stored, config)
-    with Checkpoints(folder.checkpoints) as checkpoints:
-        if checkpoints.latest_iteration() is None:
-            raise UserError(
-                f"{folder.checkpoints} holds no complete checkpoint, so there is no encoder to start with; finish that "
-                f"run with --resume {folder.path}, or give --pretrained auto to pre-train now"
-            )
-    return folder, stored
-
-
-def check_padding(first: Config, config: Config, source: str) -> None:
-    """Refuse an encoder that reads padding where there will be more or less of it than in its pre-training.
+def check(experiment: Experiment, first: "Result | None") -> None:
+    """Refuse a pre-training that cannot be that of a run, before anything is traced or written.
 
     Args:
-        first: configuration of the pre-training.
-        config: of the run that goes on with the encoder.
-        source: what to call the pre-training in messages.
+        experiment: of the run that starts with its encoder.
+        first: the pre-training, where its result was given.
 
     Raises:
-        UserError: says which flag makes the lengths equal.
+        UserError: if it is no run, has no checkpoint, or its encoder does not fit.
     """
-    if not _reads_padding(config):
-        return
-    theirs, ours = _row_length(first), _row_length(config)
-    if theirs != ours:
-        flag = "--pool.length" if is_family(config.task, _propositions(config)) else "--task-length"
+    config = experiment.config
+    if first is not None:
+        _check_fits(first.experiment, experiment, "the given pre-training")
+    elif not is_auto(config):
+        folder, stored = run_folder.open_existing(Path(config.pretrained))
+        _check_fits(build(stored), experiment, str(folder.path))
+        with Checkpoints(folder.checkpoints) as checkpoints:
+            if checkpoints.latest_iteration() is None:
+                raise UserError(
+                    f"{folder.checkpoints} holds no complete checkpoint, so there is no encoder to start with; finish "
+                    f"that run with --resume {folder.path}, or give --pretrained auto to pre-train now"
+                )
+    else:
+        before = build(matching(config, experiment.env))
+        _check_padding(before, experiment, f"the pre-training on {before.config.task}")
+        if before.pools is not None:
+            before.pools(0)
+
+
+def encoder(experiment: Experiment, first: "Result") -> Params:
+    """The task encoder of every seed of a run, from its pre-training: leading axis [seeds]."""
+    return transfer.task_encoder(first.params, transfer.seed_index(first.seeds, experiment.seeds))
+
+
+def same_run(stored: Config, wanted: Config) -> bool:
+    """Whether an earlier session's pre-training is the one that is wanted now."""
+    same = machine_files.same_task(stored.task, wanted.task)
+    return same and replace(stored, run=wanted.run, task=wanted.task) == wanted
+
+
+def _check_fits(before: Experiment, experiment: Experiment, source: str) -> None:
+    theirs, ours = before.config.learner.task_encoder, experiment.config.learner.task_encoder
+    if type(theirs) is not type(ours):
+        kind, wanted = (TASK_ENCODERS.name_of(one) for one in (theirs, ours))
         raise UserError(
-            "a Transformer with network.transformer.masked=False reads the padding of its formulas too, so they need "
-            f"as many tokens here as in its pre-training: {theirs} in {source}, {ours} in this run; "
+            f"{source} trained a task encoder of kind {kind}, and this run has {wanted}; "
+            f"set --learner.network.task-encoder {kind}, or pre-train another"
+        )
+    departures = list(differences(theirs, ours, "learner.network.task_encoder."))
+    if departures:
+        raise UserError(f"the task encoder of {source} was made with other settings; this run has {', '.join(departures)}")
+    if before.env.propositions != experiment.env.propositions:
+        raise UserError(
+            f"the task encoder of {source} reads formulas over {', '.join(before.env.propositions)}, in this order; "
+            f"this environment has {', '.join(experiment.env.propositions)}"
+        )
+    _check_padding(before, experiment, source)
+    with explained():
+        transfer.seed_index(before.seeds, experiment.seeds)
+
+
+def _check_padding(before: Experiment, experiment: Experiment, source: str) -> None:
+    """Refuse an encoder that reads padding where there will be more or less of it than in its pre-training."""
+    reader = experiment.config.learner.task_encoder
+    if reader is None or not reader.reads_padding:
+        return
+    theirs, ours = (one.table.tokens.shape[-1] for one in (before, experiment))
+    if theirs != ours:
+        flag = "--pool.length" if experiment.pools is not None else "--task-length"
+        raise UserError(
+            "a Transformer with masked=False reads the padding of its formulas too, so they need as many tokens here as "
+            f"in its pre-training: {theirs} in {source}, {ours} in this run; "
             f"set {flag} {theirs}, or another length with --pretrained auto, which then pre-trains with that length too"
         )
 
 
-def load(folder: RunFolder, stored: Config, experiment: Experiment, config: Config) -> Any:
-    """The best task encoder of every seed of `config`, leading axis [seeds].
+def summary(first: "Result") -> dict[str, Any]:
+    """What a pre-training cost, and how it ended, as far as is known."""
+    status = {} if first.folder is None else run_folder.read_json(RunFolder(first.folder).status)
+    frames = first.iteration * first.experiment.agent.frames_per_iteration
+    end = ending(first.metrics, LAST) if "episodes" in first.metrics else {}
 
-    Args:
-        folder: of the pre-training run.
-        stored: its configuration.
-        experiment: what that stands for.
-        config: of the run that goes on with the encoder.
-
-    Raises:
-        UserError: if there is no checkpoint, or a seed is missing.
-    """
-    _, params = stored_params.restore(folder, stored, experiment, "best")
-    return transfer.task_encoder(params, _seed_index(stored, config))
-
-
-def summary(folder: RunFolder, stored: Config) -> dict[str, Any]:
-    """What the pre-training cost, and how it ended, as far as is known: for ``status.json``."""
-    status = run_folder.read_json(folder.status)
-    return {
-        "folder": str(folder.path),
-        "task": stored.task,
-        "seeds": list(parse_seeds(stored.seeds)),
-        "frames_per_seed": status.get("frames_per_seed", 0),
-        **{name: status.get("all_sessions", {}).get(name, 0.0) for name in ("compile_seconds", "training_seconds")},
-        **_ending(folder, stored),
-    }
-
-
-def _ending(folder: RunFolder, stored: Config) -> dict[str, list[float | None]]:
-    """Figures of every seed, None for those that are not known: its encoder can be used all the same."""
-    try:
-        end = ending(folder.metrics, LAST)
-    except MetricsFileError as error:
-        print(f"note: how the pre-training ended is not known: {error}")
-        unknown: list[float | None] = [None] * len(parse_seeds(stored.seeds))
-        return {"success_rate": unknown, "discounted_return": unknown, "length": unknown}
-
-    def rounded(values: np.ndarray, digits: int) -> list[float | None]:
+    def rounded(name: str, digits: int) -> list[float | None]:
+        values = end.get(name, np.full(len(first.seeds), np.nan))
         return [round(float(x), digits) if np.isfinite(x) else None for x in values]
 
     return {
-        "success_rate": rounded(end.success, 4),
-        "discounted_return": rounded(end.discounted_return, 4),
-        "length": rounded(end.length, 3),
+        "folder": None if first.folder is None else str(first.folder),
+        "task": first.config.task,
+        "seeds": list(first.seeds),
+        "frames_per_seed": frames,
+        **{name: status.get("all_sessions", {}).get(name, 0.0) for name in ("compile_seconds", "training_seconds")},
+        "success_rate": rounded("success_rate", 4),
+        "discounted_return": rounded("discounted_return", 4),
+        "length": rounded("length", 3),
     }
 
 
@@ -188,25 +193,6 @@ def _mean(values: list[float | None], digits: int) -> str:
     return f"{np.mean(known):.{digits}f}" if known else "-"
 
 
-def _propositions(config: Config) -> tuple[str, ...]:
-    return tuple(registry.make(config.env).propositions)
-
-
-def _reads_padding(config: Config) -> bool:
-    return config.network.task_encoder == "transformer" and not config.network.transformer.masked
-
-
-def _set_length(config: Config, propositions: tuple[str, ...]) -> int:
+def _set_length(config: Config, env: LabelledEnv) -> int:
     """Tokens of a row as far as the configuration sets them; 0 where they are as many as the longest formula has."""
-    return config.pool.length if is_family(config.task, propositions) else config.task_length
-
-
-def _row_length(config: Config) -> int:
-    """Tokens of a row."""
-    env = registry.make(config.env)
-    return _set_length(config, tuple(env.propositions)) or make_table(config, env).tokens.shape[-1]
-
-
-def _seed_index(stored: Config, config: Config) -> np.ndarray:
-    with explained():
-        return transfer.seed_index(parse_seeds(stored.seeds), parse_seeds(config.seeds))
+    return config.pool.length if is_family(config.task, env.propositions) else config.task_length

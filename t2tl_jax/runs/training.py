@@ -1,337 +1,221 @@
-"""A training run from start (or from its last checkpoint) to its evaluation and pictures."""
+"""A training from its start, or from its last checkpoint, to its end: compile, iterate, save, tell the callbacks."""
 
-import dataclasses
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from t2tl_jax.runs import evaluation_run, machine_files, pretraining, folder as run_folder
-
-from experiments.cli import display as run_display
-from t2tl_jax.runs.build import Experiment
-from experiments.configs import Config
-from t2tl_jax.runs.current_run import Build, Run, write_status
 from t2tl_jax.errors import UserError
-from t2tl_jax.runs.folder import RunFolder
-from t2tl_jax.training.types import Metrics
-from t2tl_jax.evaluation import report
-from t2tl_jax.evaluation.curves import plot_learning_curves
-from t2tl_jax.runs import loop
-from t2tl_jax.training import transfer
+from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs import loop, pretraining
+from t2tl_jax.runs.callbacks import Callback, Progress
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints, best_params
 from t2tl_jax.runs.convergence import Convergence
-from t2tl_jax.runs.interrupts import Interrupted, StopRequest
-from t2tl_jax.runs.metrics_file import MetricsFileError, by_seed, lines_up_to, read_columns
+from t2tl_jax.runs.experiment import Experiment
+from t2tl_jax.runs.folder import RunFolder
+from t2tl_jax.runs.history import History
+from t2tl_jax.runs.interrupts import Interrupted, Stoppable
+from t2tl_jax.runs.loggers import CSVLogger, TensorBoardLogger
+from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to, rows
 from t2tl_jax.runs.prefetch import Prefetch
-from t2tl_jax.training.program import Program, trace
-from t2tl_jax.runs.progress import Progress
-from t2tl_jax.runs.provenance import describe
-from t2tl_jax.runs.recorder import Recorder
-from t2tl_jax.training.seeds import parse_seeds, place
-
-CHANGEABLE = ("frames", "convergence", "run")
-"""Fields of a configuration that may change when a run is resumed."""
-
-
-def start(config: Config, name: str, build: Build, command: Sequence[str]) -> int:
-    """Train a configuration in a new folder. Everything that can be checked is checked before the folder is made.
-
-    Raises:
-        UserError: for settings that cannot work.
-    """
-    config = pretraining.located(config)
-    with StopRequest() as stop:
-        try:
-            prepared = stop.call(lambda: _prepare(config, build), "while preparing")
-        except Interrupted:
-            print("stopped; nothing had been written")
-            return stop.leave(0)
-        folder = run_folder.create(Path(config.run.folder), name, config, describe(list(command)))
-        config = machine_files.with_copy(config, folder.path)
-        with run_folder.locked(folder):
-            return _train_or_hint(Run(folder, config, *prepared, stop, build, list(command)))
+from t2tl_jax.runs.result import Result
+from t2tl_jax.runs.solved import SolvedWatch
+from t2tl_jax.runs.status import StatusFile
+from t2tl_jax.training import transfer
+from t2tl_jax.training.program import Program
+from t2tl_jax.training.seeds import place
+from t2tl_jax.training.types import Metrics
 
 
-def resume(path: Path, amend: Callable[[Config], Config], build: Build, command: Sequence[str]) -> int:
-    """Continue a run from its last checkpoint, or from the beginning if it has none.
+@dataclass(frozen=True)
+class Compiled:
+    """The functions of a `Program`, compiled; `init` and `restart` only where they are needed."""
 
-    Args:
-        path: folder of the run.
-        amend: applies the flags of this command; only ``frames``, ``convergence`` and ``run`` may change.
-        build: from configuration to environment and learner.
-        command: the command line, for the record.
-
-    Raises:
-        UserError: if the folder or the flags cannot be used.
-    """
-    folder, stored = run_folder.open_existing(path)
-    config = amend(stored)
-    changed = [
-        field.name
-        for field in dataclasses.fields(Config)
-        if field.name not in CHANGEABLE and getattr(config, field.name) != getattr(stored, field.name)
-    ]
-    if changed:
-        raise UserError(
-            "a resumed run keeps its configuration; only --frames, --convergence.* and --run.* apply, "
-            f"not {', '.join(changed)}"
-        )
-    if config.frames != stored.frames:
-        print(f"frames {stored.frames:,} -> {config.frames:,}: schedules over the length of the run now end elsewhere")
-    with run_folder.locked(folder), StopRequest() as stop:
-        try:
-            prepared = stop.call(lambda: _prepare(config, build, folder), "while preparing")
-        except Interrupted:
-            print("stopped; the run is as it was")
-            return stop.leave(0)
-        _log_session(folder, config, list(command))
-        return _train_or_hint(Run(folder, config, *prepared, stop, build, list(command)))
+    init: Any
+    iterate: Any
+    restart: Any
+    seconds: float
 
 
-def _prepare(
-    config: Config, build: Build, folder: RunFolder | None = None
-) -> tuple[Experiment, Program, tuple[int, ...]]:
-    """Everything that can be checked of a configuration, and what it stands for; `folder` is that of a resumed run."""
-    try:
-        seeds = parse_seeds(config.seeds)
-        resumed = folder is not None and _has_checkpoint(folder)
-        if config.pretrained and not resumed:
-            _check_pretraining(config, build)
-        experiment = build(config)
-        if experiment.pools is not None and experiment.agent.renew is None:
-            raise ValueError(
-                f"{config.task} is a family of random tasks, which change during training, and DQN's replay holds "
-                "steps of former tasks; train families with ppo, or DQN on a single task"
-            )
-        if experiment.pools is not None and not resumed:
-            experiment.pools(0)  # too small caps end a run here or never
-        return experiment, trace(lambda seed: experiment.of_seed(seed)[1], seeds), seeds
-    except (ValueError, TypeError) as error:
-        raise UserError(str(error)) from error
-
-
-def _has_checkpoint(folder: RunFolder) -> bool:
-    with Checkpoints(folder.checkpoints) as checkpoints:
-        return checkpoints.latest_iteration() is not None
-
-
-def _check_pretraining(config: Config, build: Build) -> None:
-    """Only for a run that has not begun: afterwards its encoder lies in its own checkpoint."""
-    if not pretraining.is_auto(config):
-        pretraining.open_fitting(config)
-        return
-    first = pretraining.matching(config)
-    pretraining.check_padding(first, config, f"the pre-training on {first.task}")
-    experiment = build(first)
-    if experiment.pools is not None:
-        experiment.pools(0)
-
-
-def _log_session(folder: RunFolder, config: Config, command: list[str]) -> None:
-    versions = run_folder.read_json(folder.versions)
-    versions.setdefault("resumed", []).append(describe(command))
-    run_folder.write_json(folder.versions, versions)
-    run_folder.write_config(folder, config)
-
-
-def _train_or_hint(run: Run) -> int:
-    """Train, and if a signal stops it, say how to go on. Returns the exit code.
-
-    Raises:
-        UserError: if what a resumed run left is missing or damaged.
-    """
-    try:
-        _train(run)
-    except Interrupted as when:
-        print(f"stopped {when}; continue with --resume {run.folder.path}")
-    except MetricsFileError as error:
-        hint = "A resumed run needs its rows so far: mend the file, bring back a copy of it, or begin a new run."
-        raise UserError(f"{error}\n{hint}") from error
-    return run.stop.leave(0)
-
-
-def _train(run: Run) -> None:
-    """Train to the end, or up to a signal. Gives no hint by itself, since a pre-training inside a run trains here too.
-
-    Raises:
-        Interrupted: saying when.
-    """
-    total = run.experiment.iterations
-    print(run_display.plan(run), flush=True)
-    with Checkpoints(run.folder.checkpoints) as checkpoints:
-        done, state = _restore(run, checkpoints)
-        if done >= total:
-            print(f"all {total:,} iterations are done; --frames N with a larger N trains longer")
-            _conclude(run, state, done)
-            return
-        if run.convergence.reached:
-            print("training has converged; --convergence.window 0 trains on to the end")
-            _conclude(run, state, done)
-            return
-        encoder = _pretrained_encoder(run) if state is None and run.config.pretrained else None
-        begin = time.monotonic()
-        init, iterate, renew = run.stop.call(lambda: _compile(run.program, fresh=state is None), "while compiling")
-        run.compile_seconds = time.monotonic() - begin
-        print(f"compiled in {run.compile_seconds:.1f} s", flush=True)
-        if init is not None:
-            state = init(run.program.keys)
-            if encoder is not None:
-                state = transfer.adopt(state, encoder, run.program.sharding)
-        run.started_from = done
-        done, state = _iterate(run, iterate, renew, checkpoints, state, done)
-    _conclude(run, state, done)
-
-
-def _pretrained_encoder(run: Run) -> Any:
-    """The task encoder that the run starts with, pre-trained first if need be; leading axis [seeds].
-
-    Raises:
-        Interrupted: if the pre-training did not come to its end. It goes on where it stopped when the run is resumed.
-    """
-    config = run.config
-    if not pretraining.is_auto(config):
-        folder, stored = pretraining.open_fitting(config)
-        experiment = run.build(stored)
-    else:
-        stored = pretraining.matching(config)
-        try:
-            prepared = run.stop.call(lambda: _prepare(stored, run.build), "while preparing")
-            folder = run_folder.create_inside(run.folder, pretraining.FOLDER, stored, describe(run.command))
-            stored = machine_files.with_copy(stored, folder.path)
-            inner = Run(folder, stored, *prepared, run.stop, run.build, run.command)
-            if inner.earlier.get("state") != "finished":
-                with run_folder.locked(folder):
-                    _train(inner)
-        except Interrupted as when:
-            raise Interrupted(f"during pre-training, {when}") from None
-        experiment = inner.experiment
-    encoder = pretraining.load(folder, stored, experiment, config)
-    run.pretraining = pretraining.summary(folder, stored)
-    print(f"pre-trained: {pretraining.in_words(run.pretraining)}", flush=True)
-    return encoder
-
-
-def _restore(run: Run, checkpoints: Checkpoints) -> tuple[int, Any]:
-    if checkpoints.latest_iteration() is None:
-        return 0, None
-    try:
-        if tuple(checkpoints.info().get("seeds", ())) != run.seeds:
-            raise UserError(f"{run.folder.checkpoints} holds other seeds than {run.folder.config} names")
-        done, state = checkpoints.restore(run.program.state)
-    except CheckpointError as error:
-        raise UserError(str(error)) from error
-    if done < run.experiment.iterations:
-        lines_up_to(run.folder.metrics, done)  # the recorder would say the same, but after compiling
-    print(f"resuming after iteration {done:,}")
-    run.convergence = Convergence(run.config.convergence, len(run.seeds), _returns(run, done))
-    return done, place(state, run.program.sharding)
-
-
-def _returns(run: Run, done: int) -> np.ndarray | None:
-    """The discounted return of the iterations behind a checkpoint: float[seeds, done]; None if nothing asks for it."""
-    if not run.config.convergence.window or done >= run.experiment.iterations:
-        return None
-    return by_seed(read_columns(run.folder.metrics), "discounted_return")[2][:, :done]
-
-
-def _compile(program: Program, fresh: bool) -> tuple[Any, Any, Any]:
-    renew = None if program.lowered_renew is None else program.lowered_renew.compile()
-    return (program.lowered_init.compile() if fresh else None), program.lowered_iterate.compile(), renew
-
-
-def _iterate(run: Run, iterate: Any, renew: Any, checkpoints: Checkpoints, state: Any, done: int) -> tuple[int, Any]:
-    config, total = run.config, run.experiment.iterations
-    per_iteration = run.experiment.agent.frames_per_iteration
-    recorder = Recorder(run.folder.path, run.seeds, after=done)
-    progress = Progress(total * per_iteration, done * per_iteration, len(run.seeds), quiet=not config.run.progress)
+def compile_program(program: Program, fresh: bool) -> Compiled:
+    """Compile the functions of a program side by side; `init` only for a training that is `fresh`."""
     begin = time.monotonic()
+    lowered = (program.lowered_init if fresh else None, program.lowered_iterate, program.lowered_restart)
+    with ThreadPoolExecutor(max_workers=len(lowered)) as threads:
+        init, iterate, restart = threads.map(lambda one: None if one is None else one.compile(), lowered)
+    return Compiled(init, iterate, restart, time.monotonic() - begin)
 
-    def record(iteration: int, metrics: Metrics) -> None:
-        rows = recorder.record(metrics, iteration, iteration * per_iteration)
-        run.convergence.add(rows)
-        progress.advance(per_iteration, rows)
 
-    def save(iteration: int, train_state: Any) -> None:
-        recorder.sync()  # first the rows, then the checkpoint that counts on them
-        checkpoints.save(iteration, train_state, {"seeds": list(run.seeds), "frames": iteration * per_iteration})
-        run.train_seconds = time.monotonic() - begin
-        write_status(run, iteration, "training")
+@dataclass
+class Training:
+    """One session of a training. Call `run` once."""
 
-    # Which table comes next depends on the iteration alone, so a resumed run goes on with the same ones.
-    pools = Prefetch(run.experiment.pools or (lambda number: None))
+    experiment: Experiment
+    """What is trained."""
+    stop: Stoppable
+    """Who may ask to stop."""
+    callbacks: Sequence[Callback] = ()
+    """Those of the user."""
+    run_folder: RunFolder | None = None
+    """Where the run is kept; None for nowhere."""
+    pretrain: Callable[[], Result] | None = None
+    """Gives the earlier training whose task encoder a new run starts with; it may take a while."""
 
-    def prepare(done: int, train_state: Any) -> Any:
-        if renew is None or done % config.pool.period:
-            return train_state
-        return renew(train_state, pools.get(done // config.pool.period))
+    progress: Progress = field(init=False)
+    checkpoints: Checkpoints | None = field(init=False, default=None)
+    past: History = field(init=False)
+    convergence: Convergence = field(init=False)
+    solved: SolvedWatch = field(init=False)
 
-    def stop() -> bool:
-        return run.stop.requested or run.convergence.reached
+    def run(self) -> Result:
+        """Train to the end, or to a reason to stop.
 
-    try:
+        Raises:
+            UserError: if what a resumed run left cannot be used.
+            Interrupted: if the user asks to stop before the first iteration is complete, or while compiling.
+        """
+        experiment, config = self.experiment, self.experiment.config
+        frames = experiment.agent.frames_per_iteration
+        path = None if self.run_folder is None else self.run_folder.path
+        pools = experiment.pools is not None
+        self.progress = progress = Progress(config, experiment.seeds, config.iterations, frames, pools, path)
+        with ExitStack() as stack:
+            files = self._open(stack)
+            state = self._restore()
+            for callback in self.callbacks:
+                callback.on_plan(progress)
+            progress.stop = "complete" if progress.done >= config.iterations else self._reason()
+            callbacks = [self.past, *files, *self.callbacks]
+            try:
+                if not progress.stop:
+                    compiled, state = self._begin(state)
+                    for callback in callbacks:
+                        callback.on_start(progress)
+                    state = self._iterate(compiled, state, callbacks)
+            finally:
+                progress.stop = progress.stop or "failed"
+                for callback in callbacks:
+                    callback.on_end(progress)
+        if progress.done == 0:
+            raise Interrupted("before the first iteration was complete")
+        return Result(experiment, best_params(state), self.past.arrays(), progress.done, progress.stop, path)
+
+    def _open(self, stack: ExitStack) -> list[Callback]:
+        """Lock the run's folder; the callbacks that write its files."""
+        run = self.run_folder
+        if run is None:
+            return []
+        stack.enter_context(run_folder.locked(run))
+        self.checkpoints = stack.enter_context(Checkpoints(run.checkpoints))
+        return [CSVLogger(run.metrics), TensorBoardLogger(run.path / "tensorboard"), StatusFile(run, self.progress)]
+
+    def _restore(self) -> Any:
+        """The state behind the newest checkpoint, on the devices; None where there is none."""
+        experiment, config = self.experiment, self.experiment.config
+        state, earlier = None, {}
+        if self.checkpoints is not None and self.checkpoints.latest_iteration() is not None:
+            try:
+                if tuple(self.checkpoints.info().get("seeds", ())) != experiment.seeds:
+                    raise UserError(f"{self.checkpoints.folder} holds other seeds than the configuration names")
+                done, state = self.checkpoints.restore(experiment.program.state)
+            except CheckpointError as error:
+                raise UserError(str(error)) from error
+            state = place(state, experiment.program.sharding)
+            self.progress.done = self.progress.started_from = done
+            earlier = self._earlier(done)
+        seeds = len(experiment.seeds)
+        self.past = History(earlier)
+        self.convergence = Convergence(config.convergence, seeds, earlier.get("discounted_return"))
+        self.solved = SolvedWatch(seeds, earlier.get("success_rate"))
+        return state
+
+    def _earlier(self, done: int) -> dict[str, np.ndarray]:
+        """The metrics behind a checkpoint, by name float[seeds, done]."""
+        assert self.run_folder is not None
+        try:
+            if done < self.experiment.config.iterations:
+                lines_up_to(self.run_folder.metrics, done)  # the logger would say the same, but after compiling
+            return {name: values[:, :done] for name, values in history(self.run_folder.metrics).items()}
+        except MetricsFileError as error:
+            hint = "A resumed run needs its rows so far: mend the file, bring back a copy of it, or begin a new run."
+            raise UserError(f"{error}\n{hint}") from error
+
+    def _reason(self) -> str:
+        """Why to stop now; '' to go on."""
+        if self.stop.requested:
+            return "interrupted"
+        if self.convergence.reached:
+            return "converged"
+        return "solved" if self.experiment.config.until_solved and self.solved.all else ""
+
+    def _begin(self, state: Any) -> tuple[Compiled, Any]:
+        """Compile, beside the pre-training of a new run if it has one, and make its first state."""
+        experiment, program, fresh = self.experiment, self.experiment.program, state is None
+        with ThreadPoolExecutor(max_workers=1) as beside:
+            compilation: Future[Compiled] = beside.submit(compile_program, program, fresh)
+            encoder = None
+            try:
+                if fresh and self.pretrain is not None:
+                    first = self.pretrain()
+                    encoder = pretraining.encoder(experiment, first)
+                    self.progress.notes["pretraining"] = pretraining.summary(first)
+                compiled = self.stop.call(compilation.result, "while compiling")
+            except Interrupted:
+                beside.shutdown(wait=False)
+                raise
+        self.progress.compile_seconds = compiled.seconds
+        if fresh:
+            state = compiled.init(program.keys, program.place(experiment.env_params(training=True)))
+            if encoder is not None:
+                state = transfer.adopt(state, encoder, program.sharding)
+        return compiled, state
+
+    def _iterate(self, compiled: Compiled, state: Any, callbacks: Sequence[Callback]) -> Any:
+        """Train from where the run stands to its end, or to a reason to stop, and return the last state."""
+        experiment, progress = self.experiment, self.progress
+        program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
+        env_params = program.place(experiment.env_params(training=True))
+        pools = Prefetch(experiment.pools or (lambda number: None))
+        begin = time.monotonic()
+
+        def prepare(done: int, state: Any) -> tuple[Any, Any]:
+            nonlocal env_params
+            renew = experiment.pools is not None and done % config.pool.period == 0
+            if experiment.pools is not None and (renew or done == progress.started_from):
+                env_params = program.with_table(env_params, pools.get(done // config.pool.period))
+            if renew and done:
+                state = compiled.restart(state, env_params)
+            return state, env_params
+
+        def record(iteration: int, metrics: Metrics) -> None:
+            progress.done, progress.train_seconds = iteration, time.monotonic() - begin
+            new = rows(metrics, iteration, iteration * frames, progress.seeds)
+            self.convergence.add(new)
+            self.solved.add(new)
+            progress.solved_since = tuple(int(since) for since in self.solved.since)
+            for callback in callbacks:
+                callback.on_iteration(progress, new)
+
+        def save(iteration: int, state: Any) -> None:
+            progress.train_seconds = time.monotonic() - begin
+            for callback in callbacks:
+                callback.on_checkpoint(progress)
+            if self.checkpoints is not None:
+                info = {"seeds": list(progress.seeds), "frames": iteration * frames}
+                self.checkpoints.save(iteration, state, info)
+
+        def stopping() -> bool:
+            progress.stop = progress.stop or self._reason()
+            return bool(progress.stop)
+
         with pools:
-            hooks = loop.Hooks(record, save, stop, prepare)
-            return loop.train(iterate, state, done, total, config.run.checkpoint_period, hooks)
-    finally:
-        run.train_seconds = time.monotonic() - begin
-        progress.close()
-        recorder.close()
-
-
-def _conclude(run: Run, state: Any, done: int) -> None:
-    """Pictures, evaluation, final words. The training is on disk by now, so a second signal may end this anywhere.
-
-    Raises:
-        Interrupted: if the training was stopped before its end, or now the evaluation.
-    """
-    total = run.experiment.iterations
-    converged = run.convergence.reached and done < total
-    finished = done >= total or converged
-    write_status(run, done, "finished" if finished else "interrupted")
-    if done == 0:
-        raise Interrupted("before the first iteration was complete")
-    with _noted("no learning curve"):
-        print(run_display.curves_table(run.folder))
-        plot_learning_curves(run.folder.metrics, run.folder.curves, title=f"{run.config.task} ({run.folder.path})")
-    params = best_params(state)
-    if not finished:
-        _draw(run, params)
-        raise Interrupted(f"after iteration {done:,} of {total:,}")
-    run.stop.call(lambda: _evaluate(run, params, done), "while evaluating, with training complete")
-    run.stop.call(lambda: _draw(run, params), "while drawing, with training complete")
-    if converged:
-        print(f"converged after iteration {done:,} of at most {total:,}")
-    print(f"done: {run.folder.path}")
-    if run.pretraining is not None:
-        print(f"pre-training before that: {pretraining.in_words(run.pretraining)}")
-
-
-def _evaluate(run: Run, params: Any, iteration: int) -> None:
-    episodes = run.config.run.evaluation_episodes
-    if not episodes:
-        return
-    print(f"evaluating the best parameters, {episodes} episodes per seed and policy", flush=True)
-    reports = evaluation_run.evaluate(run.experiment, run.config, params, episodes)
-    print(report.table(reports), flush=True)
-    with _noted("the evaluation is not stored"):
-        what = evaluation_run.settings(run.folder, run.config, "best", iteration, episodes)
-        evaluation_run.store(run.folder, what, reports)
-
-
-def _draw(run: Run, params: Any) -> None:
-    if run.config.run.gif:
-        with _noted("no animation"):
-            evaluation_run.draw_episode(run.experiment, run.config, params, run.folder)
-
-
-@contextmanager
-def _noted(what: str) -> Iterator[None]:
-    """Say what went wrong with a result, and go on: the training is on disk, and a picture less is no lost run."""
-    try:
-        yield
-    except (UserError, MetricsFileError, OSError) as error:
-        print(f"note: {what}: {error}", flush=True)
+            hooks = loop.Hooks(record, save, stopping, prepare)
+            period = config.run.checkpoint_period if self.checkpoints is not None else float("inf")
+            done, state = loop.train(compiled.iterate, state, progress.done, progress.iterations, period, hooks)
+        progress.train_seconds = time.monotonic() - begin
+        progress.stop = progress.stop if done < progress.iterations else "complete"
+        return state

@@ -1,0 +1,124 @@
+"""What a run prints of itself: its plan before the training, what happens, its curves after it."""
+
+import time
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+
+from t2tl_jax.evaluation.curves import sparkline
+from t2tl_jax.runs import pretraining
+from t2tl_jax.runs.callbacks import Callback, Progress, Row
+from t2tl_jax.runs.result import Result
+from t2tl_jax.runs.solved import WINDOW
+from t2tl_jax.training.seeds import seed_sharding
+
+
+class Words(Callback):
+    """Prints the plan, what compiling took, and when the seeds were solved, by the clock of this process."""
+
+    def __init__(self, started: float, what: str = "run") -> None:
+        """`started` is when the process began, by ``time.monotonic``; `what` heads the plan."""
+        self._started, self._what = started, what
+        self._times: list[float] = []
+
+    def on_plan(self, progress: Progress) -> None:
+        """What will be trained, on what, for how long."""
+        if progress.done:
+            print(f"resuming after iteration {progress.done:,}")
+        print(_plan(progress, self._what), flush=True)
+
+    def on_start(self, progress: Progress) -> None:
+        """What compiling took."""
+        if "pretraining" in progress.notes and not progress.done:
+            print(f"pre-trained: {pretraining.in_words(progress.notes['pretraining'])}")
+        print(f"compiled in {progress.compile_seconds:.1f} s", flush=True)
+
+    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+        """Remember when that was."""
+        self._times.append(time.monotonic() - self._started)
+
+    def on_end(self, progress: Progress) -> None:
+        """When it was solved."""
+        if progress.done > progress.started_from:
+            print(self._solved(progress), flush=True)
+
+    def _solved(self, progress: Progress) -> str:
+        since = np.array(progress.solved_since)
+        solved = f"{(since > 0).sum()} of {since.size} seeds" if since.size > 1 else "the task"
+        if not (since > 0).any():
+            return f"not solved: success did not stay above 95 % for {WINDOW} iterations in a row"
+        last = int(since.max())
+        frames = f"{last * progress.frames_per_iteration:,} frames"
+        if last <= progress.started_from:
+            return f"solved {solved}, in an earlier session, after {frames}"
+        seconds = self._times[last - progress.started_from - 1]
+        return f"solved {solved} after {frames} and {seconds:.0f} s since the start of the program (success above 95 %)"
+
+
+def _plan(progress: Progress, what: str) -> str:
+    config, iterations, per_iteration = progress.config, progress.iterations, progress.frames_per_iteration
+    actual = iterations * per_iteration
+    frames = f"{actual:,} frames per seed = {iterations:,} iterations x {per_iteration:,}"
+    if actual != config.frames:
+        more = actual - config.frames
+        frames += f" (asked for {config.frames:,}: {more:+,}, since iterations are whole)"
+    devices = jax.devices()
+    sharding = seed_sharding(len(progress.seeds))
+    used = len(sharding.device_set) if sharding else 1
+    seeds = f"seed {progress.seeds[0]}" if len(progress.seeds) == 1 else f"{len(progress.seeds)} seeds"
+    return "\n".join(
+        (
+            f"{what:6} {progress.folder}",
+            f"task   {config.task}",
+            f"plan   {frames}; {seeds}",
+            f"device {devices[0].device_kind}, {used} of {len(devices)} used",
+            *_more_plan(progress),
+        )
+    )
+
+
+def _more_plan(progress: Progress) -> list[str]:
+    """Lines about what not every run has."""
+    config, lines = progress.config, []
+    if progress.has_pools:
+        pool = config.pool
+        lines.append(
+            f"pools  {pool.size} random formulas for {pool.period} iterations, then others, the same for all seeds"
+        )
+    if config.until_solved:
+        lines.append(f"stop   sooner if success stays above 95 % for {WINDOW} iterations in a row, in every seed")
+    if config.convergence.window:
+        end = config.convergence
+        lines.append(
+            f"stop   sooner if the return gains at most {end.delta:g} from {end.window} iterations to the next as many"
+        )
+    if "pretraining" in progress.notes:
+        lines.append(f"before {pretraining.in_words(progress.notes['pretraining'])}")
+    elif pretraining.is_auto(config):
+        lines.append("before pre-training of the task encoder, counted apart")
+    elif config.pretrained:
+        lines.append(f"before the task encoder of {config.pretrained}")
+    return lines
+
+
+def curves_table(result: Result) -> str:
+    """Success rate of every seed over the training, and its last value."""
+    lines = ["success rate during training (sampled policy), last value, last discounted return"]
+    curves = zip(result.seeds, result.metrics["success_rate"], result.metrics["discounted_return"], strict=True)
+    for seed, curve, gained in curves:
+        lines.append(f"seed {seed:<5} {sparkline(curve)}  {_last(curve)}  {_last(gained)}")
+    return "\n".join(lines)
+
+
+def ending(result: Result) -> str:
+    """Why a training ended before its last iteration, or had nothing left to do; '' for one that simply ended."""
+    at = f"after iteration {result.iteration:,} of at most {result.config.iterations:,}"
+    if result.ended in ("converged", "solved"):
+        return f"{result.ended} {at}"
+    return "" if result.ended in ("complete", "interrupted") else f"ended {at}: {result.ended}"
+
+
+def _last(values: np.ndarray) -> str:
+    known = values[np.isfinite(values)]
+    return f"{known[-1]:.3f}" if known.size else "no episode ended"
