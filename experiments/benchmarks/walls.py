@@ -35,7 +35,7 @@ START = 2.1
 class Arguments:
     """Measure the walls of both physics against those of the original scene, on driven states."""
 
-    episodes: int = 64
+    episodes: int = 128
     """Episodes that are driven."""
     steps: int = 500
     """Environment steps of an episode."""
@@ -59,6 +59,7 @@ class Arguments:
 class Driven:
     """Environment steps of the original; every array leads with their number."""
 
+    episode: np.ndarray  # int[N], its number
     qpos: np.ndarray  # float32[N, 3]
     qvel: np.ndarray  # float32[N, 3]
     action: np.ndarray  # float32[N, 2]
@@ -92,7 +93,7 @@ def _main(texts: list[str]) -> int:
 
 
 def measure(arguments: Arguments) -> list[dict[str, Any]]:
-    """Drive, compare, print a table, and return its rows: `QUANTITIES` as median and 95 % quantile."""
+    """Drive, compare, print a table, and return its rows: a `summary` of each of `QUANTITIES`."""
     with quiet_imports():
         from envs.zones.point_closed_form import ClosedFormPoint
 
@@ -108,7 +109,7 @@ def measure(arguments: Arguments) -> list[dict[str, Any]]:
     for name, point in points.items():
         apart = differences(point, driven)
         for wall, states in (("touched", driven.touched), ("clear", ~driven.touched)):
-            quantiles = [dict(zip(("median", "p95"), np.quantile(a[states], [0.5, 0.95]), strict=True)) for a in apart]
+            quantiles = [summary(values[states], driven.episode[states], arguments.seed) for values in apart]
             rows.append({"physics": name, "wall": wall, "states": int(states.sum())})
             rows[-1] |= dict(zip(QUANTITIES, quantiles, strict=True))
             spreads = "".join(f" {q['median']:8.4f}/{q['p95']:8.4f}" for q in quantiles)
@@ -129,7 +130,7 @@ def drive(episodes: int, steps: int, seed: int) -> Driven:
     model = original_model()
     data, rng, rows = mujoco.MjData(model), np.random.default_rng(seed), []
     wall = np.array([model.geom(i).name.startswith("wall") for i in range(model.ngeom)])
-    for _ in range(episodes):
+    for episode in range(episodes):
         mujoco.mj_resetData(model, data)
         data.qpos[:] = rng.uniform([-START, -START, -np.pi], [START, START, np.pi])
         for step in range(steps):
@@ -141,7 +142,7 @@ def drive(episodes: int, steps: int, seed: int) -> Driven:
             for _ in range(SUBSTEPS):
                 mujoco.mj_step(model, data)
                 touched |= bool(wall[data.contact.geom].any())
-            rows.append((*before, action, data.qpos.copy(), data.qvel.copy(), touched))
+            rows.append((episode, *before, action, data.qpos.copy(), data.qvel.copy(), touched))
     return Driven(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -171,6 +172,24 @@ def differences(point: Any, driven: Driven) -> tuple[np.ndarray, np.ndarray, np.
         np.linalg.norm(velocity[:, :2], axis=1),
         np.abs(velocity[:, 2]),
     )
+
+
+def summary(values: np.ndarray, episode: np.ndarray, seed: int, resamples: int = 500) -> dict[str, Any]:
+    """Median and 95 % quantile of `values`, each with a 95 % bootstrap interval.
+
+    Whole episodes are resampled: the states of one are much alike, such as those of a robot that leans on a wall.
+    """
+    rng, groups = np.random.default_rng(seed), [values[episode == number] for number in np.unique(episode)]
+    picks = rng.integers(len(groups), size=(resamples, len(groups)))
+    draws = [np.quantile(np.concatenate([groups[i] for i in pick]), [0.5, 0.95]) for pick in picks]
+    low, high = np.quantile(draws, [0.025, 0.975], axis=0)
+    median, p95 = np.quantile(values, [0.5, 0.95])
+    return {
+        "median": float(median),
+        "p95": float(p95),
+        "median_interval": [float(low[0]), float(high[0])],
+        "p95_interval": [float(low[1]), float(high[1])],
+    }
 
 
 if __name__ == "__main__":
