@@ -12,7 +12,11 @@ from t2tl_jax.env import Alphabet, LabelledEnv, State
 from t2tl_jax.registry import register_env
 
 EPISODE_LENGTH = 75
-"""Published limit of an episode, in steps. Applied outside: the environment itself never ends."""
+"""Most steps of an episode here: 75. Applied outside: the environment itself never ends.
+
+In the original world (LTL2Action's, also in T2TL's history) 76: it ends an episode when *more* than 75 steps were
+taken, which is at the 76th. Episodes here are cut at the 75th, one step earlier.
+"""
 
 ZONE_COLOURS = ("Black", "White", "Red", "Yellow")
 

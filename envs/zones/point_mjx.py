@@ -19,9 +19,10 @@ class MjxPoint:
     MJX's own state has some ninety arrays. None of them is needed once a substep is over: the solver starts cold, which
     is both faster and more accurate here than its warm start (one Newton step from the unconstrained acceleration).
 
-    Away from the walls a substep agrees with the original scene of 204 cubes to 1e-5. After 20 ms at a wall its
-    positions differ by 0.14 mm (median; 95 %: 1.5 mm) and velocities by 0.01 m/s (0.08 m/s): planes have no gaps, the
-    contacts have no torsional friction, and the front corners touch as two points.
+    Away from the walls a substep agrees with the original scene of 204 cubes to 1e-5. Where a robot that is driven by
+    random actions touches a wall, its position, velocity and turning rate differ after 20 ms (median / 95 %) by
+    0.22 / 0.98 mm, 0.018 / 0.085 m/s, 0.07 / 0.84 rad/s: planes have no gaps, the contacts have no torsional friction,
+    and the front corners touch as two points. ``python -m experiments.benchmarks.walls`` measures it.
     """
 
     def __init__(self) -> None:

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from envs.registry import make
-from envs.single_state import SingleState, SingleStateConfig
+from envs.single_state import EPISODE_LENGTH, SingleState, SingleStateConfig
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.episodes import advance, begin
 
 
 def test_the_action_is_the_label():
@@ -31,3 +34,17 @@ def test_reset_and_step_have_one_structure():
 def test_propositions_have_different_names(propositions):
     with pytest.raises(ValueError, match="different names"):
         SingleStateConfig(propositions)
+
+
+def test_an_episode_has_at_most_75_steps():
+    """The original's longest has 76: it ends when more than 75 steps were taken."""
+    world = SingleState(SingleStateConfig(("a", "b")))
+    env = TaskEnv(world, compile_tasks("F b", world.propositions, world.alphabet))
+    first = begin(env, jax.random.key(0), EPISODE_LENGTH)
+
+    def step(episode, key):
+        return advance(env, episode, jnp.int32([0]), key, EPISODE_LENGTH, 0.9)
+
+    _, outcomes = jax.jit(lambda: jax.lax.scan(step, first, jax.random.split(jax.random.key(1), 160)))()
+    np.testing.assert_array_equal(np.flatnonzero(outcomes.truncated) + 1, [75, 150])
+    np.testing.assert_array_equal(outcomes.totals.length[outcomes.truncated], 75)
