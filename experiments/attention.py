@@ -1,8 +1,7 @@
 """Read a trained agent: ``python -m experiments.attention RUN``; which words of its task it attends to and needs."""
 
-import dataclasses
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +10,7 @@ import tyro
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import check_picture, parse
+from experiments.cli.plugins import import_modules
 from experiments.cli.quiet import quiet_imports
 from t2tl_jax.errors import UserError, explained
 
@@ -40,80 +40,88 @@ class Arguments:
     """Picture to write, attention.png in the run by default; the numbers go beside it as .json."""
 
 
-def main(arguments: Sequence[str] | None = None, build: Callable[[Any], Any] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command (``arguments`` of the command line by default) and return its exit code: 0 done, 2 bad input."""
-    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments), build))
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
 
 
-def _main(texts: list[str], build: Callable[[Any], Any] | None) -> int:
-    arguments = parse(Arguments, texts, prog="python -m experiments.attention", description=Arguments.__doc__)
+def _main(texts: list[str]) -> int:
+    arguments = parse(
+        Arguments, import_modules(texts), prog="python -m experiments.attention", description=Arguments.__doc__
+    )
     if arguments.episodes < 1:
         raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
     check_picture("--output", arguments.output)
     try:
         with explained():
-            _read(arguments, build)
+            _read(arguments)
     except OSError as error:
         raise UserError(f"cannot write: {error}") from error
     return 0
 
 
-def _read(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
+def _read(arguments: Arguments) -> None:
     with quiet_imports():
         import jax
 
+        import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.cli import compilation_cache
+        from t2tl_jax.agents.ppo import PPOConfig
         from t2tl_jax.evaluation import attention as reading
         from t2tl_jax.evaluation.attention_figure import plot_attention
         from t2tl_jax.networks.task_encoders import TransformerTaskEncoder
+        from t2tl_jax.networks.transformer import TransformerConfig
         from t2tl_jax.runs import folder as run_folder
-        from t2tl_jax.runs import stored_params
-        from t2tl_jax.runs.build import build as default_build
-        from t2tl_jax.training.seeds import EVALUATION, TRAINING, parse_seeds, stream_keys
+        from t2tl_jax.runs import train
+        from t2tl_jax.runs.policy import of_seed
+        from t2tl_jax.training.seeds import EVALUATION, TRAINING, stream_keys
 
     folder, config = run_folder.open_existing(arguments.run)
-    if config.network.task_encoder != "transformer":
-        raise UserError(_no_attention(config.network.task_encoder))
-    seeds = parse_seeds(config.seeds)
-    seed = seeds[0] if arguments.seed is None else arguments.seed
-    if seed not in seeds:
-        raise UserError(f"the run has no seed {seed}; its seeds: {', '.join(map(str, seeds))}")
-    if arguments.task is not None:
-        config = dataclasses.replace(config, task=arguments.task)
+    reader = config.learner.task_encoder
+    if not isinstance(reader, TransformerConfig):
+        raise UserError(_no_attention(reader))
     compilation_cache.use(config.run.compilation_cache)
-    experiment = (build or default_build)(config)
+    changes = {} if arguments.task is None else {"task": arguments.task}
+    result = train.load(arguments.run, checkpoint=arguments.checkpoint, **changes)
+    index = result.index(arguments.seed)
+    seed, experiment, config = result.seeds[index], result.experiment, result.config
     if experiment.pools is not None:
         raise UserError(
             f"{config.task} is a family of random tasks: choose the one to read, such as --task 'F(a & F b)'"
         )
-    env, agent = experiment.of_seed(jax.numpy.uint32(seed))
-    row = _row(arguments.row, env.table)
+    agent, table = experiment.agent, experiment.table
+    row = _row(arguments.row, table)
+    env_params = experiment.env_params(training=False)
+    env_params = env_params.replace(env=of_seed(env_params.env, index))
 
-    iteration, everyone = stored_params.restore(folder, config, experiment, arguments.checkpoint)
-    end = jax.tree.map(lambda x: x[seeds.index(seed)], everyone)
-    begin = jax.jit(lambda key: agent.init(key).params)(stream_keys([seed], TRAINING)[0])
-    origin, start = _start(folder, config, seed, begin, build or default_build)
-    encoder = TransformerTaskEncoder(config.network.transformer)
+    end = of_seed(result.params, index)
+    begin = jax.jit(lambda key: agent.init(key, env_params).params)(stream_keys([seed], TRAINING)[0])
+    origin, start = _start(folder, config, seed, begin)
+    encoder = TransformerTaskEncoder(reader)
 
     def received(params: Any) -> reading.Attention:
         own = params["params"]["task_encoder"]
-        return reading.attention_received(encoder, own, env.table, row, arguments.layers or None, arguments.queries)
+        return reading.attention_received(encoder, own, table, row, arguments.layers or None, arguments.queries)
 
     before, after = received(start), received(end)
-    play = jax.jit(reading.meet, static_argnums=(0, 1, 4, 5, 6))
-    met = play(env, agent, end, stream_keys([seed], EVALUATION)[0], row, arguments.episodes, config.episode_length)
-    codes = reading.codes_without_tokens(encoder, end["params"]["task_encoder"], env.table, row)
+    key = stream_keys([seed], EVALUATION)[0]
+    met = reading.meet(experiment.task_env, agent, end, env_params, key, row, arguments.episodes, config.episode_length)
+    codes = reading.codes_without_tokens(encoder, end["params"]["task_encoder"], table, row)
     removal = reading.removal_effects(agent, end, codes, met)
 
-    unit = "KL divergence (nats)" if config.dqn is None else "share of greedy actions that change"
-    stages = {"start": f"start of training ({origin})", "end": f"{arguments.checkpoint}, iteration {iteration:,}"}
+    continuous = isinstance(config.learner, PPOConfig)
+    unit = "KL divergence (nats)" if continuous else "share of greedy actions that change"
+    stages = {
+        "start": f"start of training ({origin})",
+        "end": f"{arguments.checkpoint}, iteration {result.iteration:,}",
+    }
     what = {
         "task": config.task,
         "row": row,
-        "formula": env.table.text(row),
+        "formula": table.text(row),
         "seed": seed,
         "checkpoint": arguments.checkpoint,
-        "iteration": iteration,
+        "iteration": result.iteration,
         **stages,
         "layers": list(arguments.layers) or "all",
         "queries": arguments.queries,
@@ -123,42 +131,40 @@ def _read(arguments: Arguments, build: Callable[[Any], Any] | None) -> None:
     }
     print(_table(before, after, removal, unit))
     target = arguments.output or folder.path / "attention.png"
-    title = f"{env.table.text(row)} ({folder.path}, seed {seed})"
+    title = f"{table.text(row)} ({folder.path}, seed {seed})"
     plot_attention(target, title, (stages["start"], before), (stages["end"], after), removal, unit)
     run_folder.write_json(target.with_suffix(".json"), what | _numbers(before, after, removal))
     print(f"drawn: {target}\nstored: {target.with_suffix('.json')}")
 
 
-def _start(folder: Any, config: Any, seed: int, fresh: Any, build: Callable[[Any], Any]) -> tuple[str, Any]:
+def _start(folder: Any, config: Any, seed: int, fresh: Any) -> tuple[str, Any]:
     """What training began with, in words, and its parameters: `fresh` ones, with the pre-trained encoder if any."""
     import jax
 
-    from t2tl_jax.runs import folder as run_folder
-    from t2tl_jax.runs import pretraining
-    from t2tl_jax.training.transfer import PART
+    from t2tl_jax.runs import pretraining, train
+    from t2tl_jax.training import transfer
 
     if not config.pretrained:
         return "new network", fresh
     try:
-        if pretraining.is_auto(config):
-            source, stored = run_folder.open_existing(folder.path / pretraining.FOLDER)
-        else:
-            source, stored = pretraining.open_fitting(config)
-        alone = dataclasses.replace(config, seeds=f"{seed},")
-        encoder = pretraining.load(source, stored, build(stored), alone)
+        first = train.load(folder.path / pretraining.FOLDER if pretraining.is_auto(config) else config.pretrained)
+        encoder = transfer.task_encoder(first.params, transfer.seed_index(first.seeds, (seed,)))
     except UserError as error:
         print(f"note: the start is drawn for a new network, since its pre-trained encoder cannot be read: {error}")
         return "new network, before the pre-trained encoder", fresh
     own = jax.tree.map(lambda x: jax.numpy.asarray(x[0]), encoder)
-    return "pre-trained encoder", {**fresh, "params": {**fresh["params"], PART: own}}
+    return "pre-trained encoder", {**fresh, "params": {**fresh["params"], transfer.PART: own}}
 
 
-def _no_attention(encoder: str) -> str:
-    from experiments.configs import CONFIGS
+def _no_attention(reader: Any) -> str:
+    from t2tl_jax.networks.transformer import TransformerConfig
+    from t2tl_jax.registry import configs
 
-    able = [name for name, (config, _) in CONFIGS.items() if config.network.task_encoder == "transformer"]
+    able = [
+        name for name, (config, _) in configs().items() if isinstance(config.learner.task_encoder, TransformerConfig)
+    ]
     return (
-        f"this run reads its task with task_encoder={encoder}, which has no attention; the Transformer has. "
+        f"this run reads its task with a {type(reader).__name__}, which has no attention; the Transformer has. "
         f"Configurations with it: {', '.join(able)}"
     )
 

@@ -37,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: list[str]) -> int:
-    arguments = parse(Arguments, import_modules(texts), prog="python -m experiments.compare", description=Arguments.__doc__)
+    arguments = parse(
+        Arguments, import_modules(texts), prog="python -m experiments.compare", description=Arguments.__doc__
+    )
     if not arguments.runs:
         raise UserError("name one run or more, such as runs/zone_ppo/2026-01-31_12-00-00")
     if not 0 < arguments.last <= 1:

@@ -175,9 +175,7 @@ register_config(
 register_config(
     "rm_water_ql",
     # With targets of 32 samples instead of 32 x 77, the learning rate of crm is too large.
-    replace(
-        _RM_WATER, learner=replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)
-    ),
+    replace(_RM_WATER, learner=replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)),
     "the same, but every step teaches only the machine's own state (ql)",
 )
 register_config(

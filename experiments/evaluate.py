@@ -46,7 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: list[str]) -> int:
-    arguments = parse(Arguments, import_modules(texts), prog="python -m experiments.evaluate", description=Arguments.__doc__)
+    arguments = parse(
+        Arguments, import_modules(texts), prog="python -m experiments.evaluate", description=Arguments.__doc__
+    )
     if arguments.episodes < 1:
         raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
     # Imported late: loading JAX and MuJoCo takes seconds, which --help and mistakes need not wait for.
@@ -72,9 +74,7 @@ def _evaluate(arguments: Arguments) -> None:
     evaluations.stored(folder)  # tells of a damaged file before the work
     compilation_cache.use(stored.run.compilation_cache)
     result = train.load(arguments.run, checkpoint=arguments.checkpoint, **_changes(stored, arguments))
-    what = evaluations.settings(
-        folder, result.experiment, arguments.checkpoint, result.iteration, arguments.episodes
-    )
+    what = evaluations.settings(folder, result.experiment, arguments.checkpoint, result.iteration, arguments.episodes)
     print("  ".join(f"{name}: {value}" for name, value in what.items()), flush=True)
     reader = stored.learner.task_encoder
     if result.config.task != stored.task and reader is not None and not reader.learned:

@@ -69,9 +69,7 @@ def apply(config: Config, name: str) -> Config:
         freeze_task_encoder=network.freeze_task_encoder and learned,
         context=context,
     )
-    config = replace(
-        config, pretrained=config.pretrained if learned else "", learner=replace(learner, network=network)
-    )
+    config = replace(config, pretrained=config.pretrained if learned else "", learner=replace(learner, network=network))
     if isinstance(learner, DQNConfig):
         return replace(config, learner=replace(config.learner, counterfactual=method.simultaneous))
     return replace(config, random_starts=START_ANYWHERE if name == "rm" else 0.0)

@@ -32,7 +32,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: list[str]) -> int:
-    arguments = parse(Arguments, import_modules(texts), prog="python -m experiments.plot", description=Arguments.__doc__)
+    arguments = parse(
+        Arguments, import_modules(texts), prog="python -m experiments.plot", description=Arguments.__doc__
+    )
     check_picture("--output", arguments.output)
     with quiet_imports():
         import experiments.configs  # noqa: F401, registers what runs are made of

@@ -6,6 +6,4 @@ from t2tl_jax.registry import register_env
 __all__ = ["EPISODE_LENGTH", "FAILURE_REWARD", "ZoneConfig", "ZoneEnv", "ZoneState"]
 
 # Under their published names.
-register_env(
-    "zones", ZoneConfig, ZoneEnv, {"Zones-25-v1": ZoneConfig(), "Zones-5-v0": ZoneConfig(layout="random")}
-)
+register_env("zones", ZoneConfig, ZoneEnv, {"Zones-25-v1": ZoneConfig(), "Zones-5-v0": ZoneConfig(layout="random")})

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
 from envs.registry import make
+
 from envs.single_state import EPISODE_LENGTH, SingleState, SingleStateConfig
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
