@@ -150,8 +150,7 @@ class ZoneEnv(LabelledEnv):
         left at rest where the step began, so that observations and labels stay meaningful.
         """
         before: ZoneState = state.pipeline_state
-        robot = self._physics.step(before.robot, action)
-        acceleration = self._physics.acceleration(robot, action)
+        robot, acceleration = self._physics.step_and_acceleration(before.robot, action)
         failed = ~jnp.isfinite(jnp.concatenate([robot.qpos, robot.qvel, acceleration])).all()
         at_rest = PointState(qpos=before.qpos, qvel=jnp.zeros_like(before.qvel))
         robot = jax.tree.map(lambda safe, new: jnp.where(failed, safe, new), at_rest, robot)
