@@ -101,9 +101,7 @@ class TaskEnv(Env):
         """Act, label, progress, reward (equation 2 of the paper, with the labels of s')."""
         return self.step_for_all(state, action, params)[0]
 
-    def step_for_all(
-        self, state: State, action: jax.Array, params: TaskParams | None = None
-    ) -> tuple[State, Shared]:
+    def step_for_all(self, state: State, action: jax.Array, params: TaskParams | None = None) -> tuple[State, Shared]:
         """As `step`, with what the step would have been to an agent with another task."""
         params = self.make_params(0) if params is None else params
         table = params.table

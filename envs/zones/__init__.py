@@ -1,5 +1,6 @@
 """ZoneEnv: the Point robot among coloured discs, after the environment of LTL2Action and T2TL built on Safety-Gym."""
 
-from envs.zones.zone_env import EPISODE_LENGTH, FAILURE_REWARD, ZoneConfig, ZoneEnv, ZoneState
+from envs.zones.config import EPISODE_LENGTH, ZoneConfig
+from envs.zones.zone_env import FAILURE_REWARD, ZoneEnv, ZoneParams, ZoneState
 
-__all__ = ["EPISODE_LENGTH", "FAILURE_REWARD", "ZoneConfig", "ZoneEnv", "ZoneState"]
+__all__ = ["EPISODE_LENGTH", "FAILURE_REWARD", "ZoneConfig", "ZoneEnv", "ZoneParams", "ZoneState"]
