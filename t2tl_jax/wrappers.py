@@ -11,8 +11,8 @@ from t2tl_jax.task_env import TaskEnv, TaskParams
 class TaskInObservation(Env):
     """A task environment that shows the task: its observation is the environment's, then a code of the row.
 
-    For trainers that take any brax environment, such as brax's own PPO. Their auto-reset restores `pipeline_state`, where
-    the row lives, and the observation, so that an episode starts with its task and shows it.
+    For trainers that take any brax environment, such as brax's own PPO. Their auto-reset restores `pipeline_state`,
+    where the row lives, and the observation, so that an episode starts with its task and shows it.
 
     Args:
         env: the environment with its tasks.

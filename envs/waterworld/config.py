@@ -28,8 +28,8 @@ class WaterWorldConfig(EnvConfig):
     """How many balls each colour has."""
     layout: Literal["fixed", "by_seed", "random"] = "fixed"
     """Every episode starts on the numbered map, on the map whose number is the seed of the run, or on one drawn from a
-    pool. By seed, the seeds 1,2,3,4 of one run train on the maps 1 to 4 side by side. The pool of random maps is another
-    one for every seed, and yet another one for evaluation."""
+    pool. By seed, the seeds 1,2,3,4 of one run train on the maps 1 to 4 side by side. The pools of different seeds are
+    different, and evaluation has pools of its own."""
     map_number: int = 1
     """Which map, if fixed: what the original draws from this seed. Its experiments use 1 to 10 (with six colours)."""
     pool_size: int = 1024

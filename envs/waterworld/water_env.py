@@ -69,9 +69,9 @@ class WaterWorld(LabelledEnv):
     def make_params(self, seed: int, training: bool = True) -> WaterWorldParams:
         """Sizes and speeds, and the maps that a reset chooses from.
 
-        On a fixed layout that is one map, by seed the map of that number, and of a random layout a pool of numbered maps
-        that belong to this seed: the training of seed 0 has the first ``pool_size`` maps, its evaluation the next ones,
-        then those of seed 1 follow. With ``pool_size=0`` there are none: a reset draws its own.
+        On a fixed layout that is one map, by seed the map of that number, and of a random layout a pool of numbered
+        maps that belong to this seed: the training of seed 0 has the first ``pool_size`` maps, its evaluation the next
+        ones, then those of seed 1 follow. With ``pool_size=0`` there are none: a reset draws its own.
 
         Raises:
             ValueError: for a negative seed, and by seed for one that has no map.
