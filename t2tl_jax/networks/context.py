@@ -65,7 +65,7 @@ class Window:
     valid: jax.Array  # bool[..., K], False for an empty slot
 
 
-Memory: TypeAlias = Window | tuple[()]
+Carry: TypeAlias = Window | tuple[()]
 """What a policy remembers of an episode: a window, or nothing at all without context."""
 
 
@@ -92,21 +92,21 @@ def append(window: Window, action: jax.Array, reward: jax.Array, seen: jax.Array
     return jax.tree.map(add, window, Window(action, reward, seen, jnp.ones(reward.shape, bool)))
 
 
-def without_oldest(memory: Memory) -> Memory:
-    """The memory less its first slot."""
-    return _slots(memory, slice(1, None))
+def without_oldest(carry: Carry) -> Carry:
+    """The carry less its first slot."""
+    return _slots(carry, slice(1, None))
 
 
-def without_newest(memory: Memory) -> Memory:
-    """The memory less its last slot."""
-    return _slots(memory, slice(None, -1))
+def without_newest(carry: Carry) -> Carry:
+    """The carry less its last slot."""
+    return _slots(carry, slice(None, -1))
 
 
-def _slots(memory: Memory, chosen: slice) -> Memory:
-    if not isinstance(memory, Window):
-        return memory
-    leading = (slice(None),) * (memory.reward.ndim - 1)
-    return jax.tree.map(lambda x: x[*leading, chosen], memory)
+def _slots(carry: Carry, chosen: slice) -> Carry:
+    if not isinstance(carry, Window):
+        return carry
+    leading = (slice(None),) * (carry.reward.ndim - 1)
+    return jax.tree.map(lambda x: x[*leading, chosen], carry)
 
 
 def empty_where(window: Window, ended: jax.Array) -> Window:
@@ -147,10 +147,10 @@ class ContextEncoder(nn.Module):
         return jnp.where(started, code, 0.0) if config.masked else code
 
 
-class MemoryNetwork(nn.Module):
-    """What a policy's network does with its memory. A subclass makes `context_encoder`, `see` and `blank`.
+class RecurrentNetwork(nn.Module):
+    """What a policy's network does with its carry. A subclass makes `context_encoder`, `see` and `blank`.
 
-    Without context every memory is `()`.
+    Without context every carry is `()`.
     """
 
     config: Any  # of the network; has a field `context`, a `ContextConfig` or None
@@ -165,34 +165,34 @@ class MemoryNetwork(nn.Module):
         raise NotImplementedError
 
     @nn.nowrap
-    def begin(self, observation_size: int) -> Memory:
-        """The memory of one environment at the start of an episode; needs no parameters."""
+    def begin(self, observation_size: int) -> Carry:
+        """The carry of one environment at the start of an episode; needs no parameters."""
         context = self.config.context
         if context is None:
             return ()
         action, embedding_size = self.blank(observation_size)
         return empty_window(context.length, action, observation_size if context.recompute else embedding_size)
 
-    def extend(self, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
-        """The memory and the step that followed, one slot more: `action` on `obs` [..., O] led to `reward` [...]."""
-        if not isinstance(memory, Window):
-            return memory
-        return append(memory, action, reward, obs if self.config.context.recompute else self.see(obs))
+    def extend(self, carry: Carry, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Carry:
+        """The carry and the step that followed, one slot more: `action` on `obs` [..., O] led to `reward` [...]."""
+        if not isinstance(carry, Window):
+            return carry
+        return append(carry, action, reward, obs if self.config.context.recompute else self.see(obs))
 
-    def remember(self, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
-        """The memory after a step."""
-        return without_oldest(self.extend(memory, obs, action, reward))
+    def remember(self, carry: Carry, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Carry:
+        """The carry after a step."""
+        return without_oldest(self.extend(carry, obs, action, reward))
 
     @nn.nowrap
-    def next_episode(self, memory: Memory, ended: jax.Array) -> Memory:
-        """The memory to go on with: emptied where the episode `ended` bool[...], unless it is never to be."""
-        if not isinstance(memory, Window) or not self.config.context.reset:
-            return memory
-        return empty_where(memory, ended)
+    def next_episode(self, carry: Carry, ended: jax.Array) -> Carry:
+        """The carry to go on with: emptied where the episode `ended` bool[...], unless it is never to be."""
+        if not isinstance(carry, Window) or not self.config.context.reset:
+            return carry
+        return empty_where(carry, ended)
 
-    def context(self, memory: Memory) -> jax.Array:
+    def context(self, carry: Carry) -> jax.Array:
         """The context variable [..., output] of every window."""
-        if not isinstance(memory, Window):
-            raise ValueError(f"a network with context needs a window, got {type(memory).__name__}")
-        seen = self.see(memory.seen) if self.config.context.recompute else memory.seen
-        return self.context_encoder(memory, seen)
+        if not isinstance(carry, Window):
+            raise ValueError(f"a network with context needs a window, got {type(carry).__name__}")
+        seen = self.see(carry.seen) if self.config.context.recompute else carry.seen
+        return self.context_encoder(carry, seen)
