@@ -6,8 +6,8 @@ from flax import struct
 
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.program import OVER_SEEDS
-from t2tl_jax.training.types import Agent, Params, repeated
-from t2tl_jax.training.unroll import Episode, Step, begin, policy_of, unroll
+from t2tl_jax.training.types import Agent, Carry, Params, repeated
+from t2tl_jax.training.unroll import Episode, Policy, Step, begin, policy_of, unroll
 
 CHUNK = 25
 """Steps between two looks at whether all episodes are over."""
@@ -42,6 +42,21 @@ def play(
     counting all that end within some time would favour short ones.
     """
     policy = policy_of(agent, env, params, agent.embed(params, env_params.table), deterministic)
+    carry = repeated(agent.begin(), episodes)
+    return first_episodes(env, policy, carry, env_params, key, episodes, episode_length, discount)
+
+
+def first_episodes(
+    env: TaskEnv,
+    policy: Policy,
+    carry: Carry,
+    env_params: TaskParams,
+    key: jax.Array,
+    episodes: int,
+    episode_length: int,
+    discount: float,
+) -> Episodes:
+    """As `play`, for any policy; `carry` is what it begins with in each of the environments."""
     reset_key, key = jax.random.split(key)
     first = begin(env, env_params, reset_key, episodes, episode_length)
     none, zero = jnp.zeros(episodes, bool), jnp.zeros(episodes)
@@ -81,12 +96,7 @@ def play(
         known = jax.tree.map(lambda so_far, new: (so_far + new.sum(0)).astype(so_far.dtype), known, results)
         return under_way, carry, known, chunk + 1
 
-    start: tuple[Episode, object, Episodes, jax.Array] = (
-        first,
-        repeated(agent.begin(), episodes),
-        unknown,
-        jnp.int32(0),
-    )
+    start: tuple[Episode, Carry, Episodes, jax.Array] = (first, carry, unknown, jnp.int32(0))
     return jax.lax.while_loop(under_way, go_on, start)[2]
 
 
