@@ -59,8 +59,8 @@ def test_published_networks_have_the_published_sizes(context, parameters):
     )
     network = ActorCritic(dataclasses.replace(PUBLISHED, context=context), action_size=2)
     init = partial(network.init, method="initialise")
-    memory = repeated(network.begin(76), 1)
-    variables = jax.eval_shape(init, jax.random.key(0), table, jnp.zeros((1, 76)), jnp.zeros(1, jnp.int32), memory)
+    carry = repeated(network.begin(76), 1)
+    variables = jax.eval_shape(init, jax.random.key(0), table, jnp.zeros((1, 76)), jnp.zeros(1, jnp.int32), carry)
     assert count(variables) == parameters
     if context is not None:
         sizes = {name: count(part) for name, part in variables["params"].items()}
@@ -136,10 +136,10 @@ def test_gradient_reaches_the_environment_encoder_through_the_window_iff_recompu
     obs, row = jnp.ones((2, 4)), jnp.full(2, 2)
     begin = repeated(network.begin(4), 2)
     params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(0), table, obs, row, begin)
-    memory = network.apply(params, begin, obs, jnp.ones((2, 1)), jnp.ones(2), method="remember")
-    assert memory.seen.shape == (2, 3, 4 if recompute else 6)
+    carry = network.apply(params, begin, obs, jnp.ones((2, 1)), jnp.ones(2), method="remember")
+    assert carry.seen.shape == (2, 3, 4 if recompute else 6)
 
-    gradient = jax.jit(jax.grad(lambda p: network.apply(p, memory, method="context").sum()))(params)["params"]
+    gradient = jax.jit(jax.grad(lambda p: network.apply(p, carry, method="context").sum()))(params)["params"]
     assert any(jnp.abs(leaf).max() > 1e-4 for leaf in jax.tree.leaves(gradient["context_encoder"]))
     assert any(leaf.any() for leaf in jax.tree.leaves(gradient["environment_encoder"])) == recompute
 
