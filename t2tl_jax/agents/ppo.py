@@ -18,7 +18,7 @@ from t2tl_jax import checks
 from t2tl_jax.agent import Agent, EpisodeTotals, Metrics, Params, repeated
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.context import Memory
+from t2tl_jax.networks.context import Memory, Segment, Window
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.episodes import Episode, Outcome, begin
@@ -115,7 +115,7 @@ class PPOState:
 
 @struct.dataclass
 class Batch:
-    """Samples of a rollout, flattened to [B]."""
+    """Samples of a rollout in segments of S successive steps, [B / S, S]; S is 1 without context."""
 
     obs: jax.Array
     row: jax.Array
@@ -123,10 +123,11 @@ class Batch:
     log_prob: jax.Array
     value: jax.Array
     advantage: jax.Array
-    memory: Memory = ()  # the window that acted
+    memory: Segment | tuple[()] = ()  # the windows that acted
 
 
-Known = tuple[jax.Array | None, Memory]  # what acting carries from step to step: exploration noise and context window
+# What acting carries from step to step: exploration noise, the context window, and the same window as it is read.
+Known = tuple[jax.Array | None, Memory, Memory]
 
 
 def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
@@ -135,10 +136,20 @@ def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
     return jnp.where(time > 0, jnp.exp(-1.0 / jnp.maximum(time, 1e-3)), 0.0)
 
 
+def check_segments(config: PPOConfig, segment: int) -> None:
+    """Refuse segments of a context that do not fill the rollout or the minibatches."""
+    for name, size in (("rollout_steps", config.rollout_steps), ("minibatch_size", config.minibatch_size)):
+        if size % segment:
+            raise ValueError(
+                f"context.segment_length must divide ppo.{name}, got segment_length={segment} and {name}={size}; "
+                "1 fits always"
+            )
+
+
 def ppo_loss(
     config: PPOConfig, network: ActorCritic, params: Params, task: jax.Array, batch: Batch
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
-    """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [B, dim]."""
+    """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [..., dim]."""
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
     distribution, value = apply(params, batch.obs, task, batch.memory)
     ratio = jnp.exp(distribution.log_prob(batch.action) - batch.log_prob)
@@ -181,7 +192,14 @@ def make_ppo(
     part of the state: that of `env` until `renew` puts another one in its place. `embed` always encodes that of `env`.
     """
     context, discrete = network_config.context, env.num_actions is not None
+    segment = 1 if context is None else context.segment_length
+    check_segments(config, segment)
     network = ActorCritic(network_config, env.num_actions or env.action_size, discrete)
+    # Parameters stand still while acting, so what was seen is embedded once and not at every step that remembers it.
+    as_seen = None if context is None else replace(context, recompute=False)
+    actor: Callable[..., Any] = ActorCritic(
+        replace(network_config, context=as_seen), network.action_size, discrete
+    ).apply
     apply: Callable[..., Any] = network.apply  # as in ppo_loss
     begin_memory = partial(network.begin, env.observation_size)
     remember = partial(apply, method="remember")
@@ -260,66 +278,103 @@ def make_ppo(
         correlation = noise_correlation(config, state.iteration / iterations)
 
         def policy(known: Known, obs: jax.Array, row: jax.Array, key: jax.Array):
-            noise, memory = known
-            distribution = apply(state.params, obs, embedding[row], memory, method="policy")
+            noise, memory, window = known
+            distribution = actor(state.params, obs, embedding[row], window, method="policy")
             # White noise on this bang-bang robot averages out within a metre; noise that persists carries it along.
             # Every action by itself still has the policy's distribution, whose density the loss uses.
             action, noise = distribution.sample(key, noise, correlation)
-            return (noise, memory), action, distribution.log_prob(action)
+            return (noise, memory, window), action, distribution.log_prob(action)
 
         def go_on(known: Known, obs: jax.Array, action: jax.Array, outcome: Outcome) -> Known:
-            noise, memory = known
-            memory = remember(state.params, memory, obs, action, outcome.reward)
-            return noise, network.next_episode(memory, outcome.terminated | outcome.truncated)
+            noise, memory, window = known
+            ended, step = outcome.terminated | outcome.truncated, (obs, action, outcome.reward)
+            memory = network.next_episode(remember(state.params, memory, *step), ended)
+            window = network.next_episode(actor(state.params, window, *step, method="remember"), ended)
+            return noise, memory, window
 
         return rollout(
             world,
             policy,
-            (state.noise, state.memory),
+            (state.noise, state.memory, embedded(state.params, state.memory)),
             state.episodes,
             key,
             config.rollout_steps,
             episode_length,
             config.discount,
             go_on,
+            segment,
         )
+
+    def embedded(params: Params, memory: Memory) -> Memory:
+        """The window with embeddings of what was seen in it."""
+        if not isinstance(memory, Window) or context is None or not context.recompute:
+            return memory
+        return replace(memory, seen=apply(params, memory.seen, method="see"))
+
+    def in_segments(x: jax.Array) -> jax.Array:
+        """[T, N, ...] -> [T / S x N, S, ...]."""
+        x = x.reshape(-1, segment, *x.shape[1:])
+        return jnp.moveaxis(x, 1, 2).reshape(-1, segment, *x.shape[3:])
+
+    def by_time(x: jax.Array) -> jax.Array:
+        """[T / S x N, S] or these in several parts -> [T, N]."""
+        x = x.reshape(-1, config.num_envs, segment)
+        return jnp.moveaxis(x, 2, 1).reshape(config.rollout_steps, config.num_envs)
+
+    def segments_of(params: Params, transitions: Transitions) -> Segment | tuple[()]:
+        """The segments of a rollout, [T / S x N], without their observations where these are embedded anew."""
+        if context is None:
+            return ()
+        _, memory, _ = transitions.memory
+        ended = transitions.terminated | transitions.truncated
+        action, reward, ended = (in_segments(x) for x in (transitions.action, transitions.reward, ended))
+        # The same numbers as when acting: from the same parameters.
+        seen = None if context.recompute else apply(params, in_segments(transitions.obs), method="see")
+        start = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), memory)
+        return Segment(start=start, action=action, reward=reward, ended=ended, seen=seen)
 
     def make_batch(table: TaskTable, params: Params, transitions: Transitions) -> Batch:
         embedding = embed(params, table)
 
-        def evaluate(steps: Transitions) -> tuple[jax.Array, jax.Array]:
-            _, memory = steps.memory
-            after = remember(params, memory, steps.obs, steps.action, steps.reward)  # at s', before any reset
-            value = apply(params, steps.obs, embedding[steps.row], memory, method="value")
-            return value, apply(params, steps.next_obs, embedding[steps.next_row], after, method="value")
+        names = ("obs", "row", "next_obs", "next_row", "action", "log_prob")
+        steps = {name: in_segments(getattr(transitions, name)) for name in names}
+        memory = segments_of(params, transitions)
+
+        def evaluate(part: tuple[dict[str, jax.Array], Segment | tuple[()]]) -> tuple[jax.Array, jax.Array]:
+            steps, memory = part
+            value = apply(params, steps["obs"], embedding[steps["row"]], memory, method="value")
+            next_task = embedding[steps["next_row"]]
+            return value, apply(params, steps["obs"], steps["next_obs"], next_task, memory, method="value_after")
 
         if context is None:
-            value, next_value = evaluate(transitions)
+            values = evaluate((steps, memory))
         else:  # a token of a window takes much more memory than a value, so no more samples at once than in the update
-            at_once = max(1, config.minibatch_size // config.num_envs)
-            value, next_value = jax.lax.map(evaluate, transitions, batch_size=min(at_once, config.rollout_steps))
+            parts = jax.tree.map(lambda x: x.reshape(config.num_minibatches, -1, *x.shape[1:]), (steps, memory))
+            values = jax.lax.map(evaluate, parts)
+        value, next_value = (by_time(x) for x in values)
         terminated, truncated = transitions.terminated, transitions.truncated
         if config.timeout_is_terminal:
             terminated, truncated = terminated | truncated, jnp.zeros_like(truncated)
-        _, memory = transitions.memory
         advantage = generalised_advantages(
             transitions.reward, value, next_value, terminated, truncated, config.discount, config.gae_lambda
         )
-        batch = Batch(
-            obs=transitions.obs,
-            row=transitions.row,
-            action=transitions.action,
-            log_prob=transitions.log_prob,
-            value=value,
-            advantage=advantage,
-            memory=misaligned(memory) if context is not None and not context.aligned else memory,
+        return Batch(
+            obs=steps["obs"],
+            row=steps["row"],
+            action=steps["action"],
+            log_prob=steps["log_prob"],
+            value=in_segments(value),
+            advantage=in_segments(advantage),
+            memory=misaligned(memory) if isinstance(memory, Segment) and not context.aligned else memory,
         )
-        return jax.tree.map(lambda x: x.reshape(config.batch_size, *x.shape[2:]), batch)
 
-    def misaligned(memory: Memory) -> Memory:
+    def misaligned(memory: Segment) -> Segment:
         """Windows as published: flattened by time and then environment, beside samples in the opposite order."""
-        shape = (config.num_envs, config.rollout_steps)
-        return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[2:]).swapaxes(0, 1), memory)
+
+        def other_order(x: jax.Array) -> jax.Array:
+            return x.reshape(config.num_envs, config.rollout_steps, *x.shape[1:]).swapaxes(0, 1).reshape(x.shape)
+
+        return replace(memory, start=jax.tree.map(other_order, memory.start))
 
     def gradient_step(table: TaskTable, carry: tuple[Params, optax.OptState], minibatch: Batch):
         params, opt_state = carry
@@ -334,10 +389,10 @@ def make_ppo(
         return (optax.apply_updates(params, updates), opt_state), scalars
 
     def epoch(table: TaskTable, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):
-        order = jax.random.permutation(key, config.batch_size).reshape(config.num_minibatches, config.minibatch_size)
+        order = jax.random.permutation(key, config.batch_size // segment).reshape(config.num_minibatches, -1)
 
-        def minibatch_step(carry, rows):
-            return gradient_step(table, carry, jax.tree.map(lambda x: x[rows], batch))
+        def minibatch_step(carry, segments):
+            return gradient_step(table, carry, jax.tree.map(lambda x: x[segments], batch))
 
         return jax.lax.scan(minibatch_step, carry, order)
 
@@ -346,7 +401,7 @@ def make_ppo(
         world = world_of(state)
 
         # COLLECT
-        (noise, memory), episodes, transitions, totals = collect(world, state, rollout_key)
+        (noise, memory, _), episodes, transitions, totals = collect(world, state, rollout_key)
 
         # ADVANTAGE
         batch = make_batch(world.table, state.params, transitions)

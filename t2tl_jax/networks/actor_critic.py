@@ -9,7 +9,7 @@ from flax import linen as nn
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
+from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork, Segment
 from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
 from t2tl_jax.networks.initializers import unit_norm
 from t2tl_jax.networks.task_encoders import TaskEncoder, TaskEncoderConfig, make_task_encoder
@@ -135,22 +135,35 @@ class ActorCritic(MemoryNetwork):
         action = jnp.int32(0) if self.discrete else jnp.zeros(self.action_size)
         return action, (observation_size, *self.config.env_layers)[-1]
 
-    def features(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> jax.Array:
-        """obs [..., O], task [..., dim], memory of [...] environments -> [..., D], shared by actor and critic."""
-        parts = [self.environment_encoder(obs), task]
+    def features(self, obs: jax.Array, task: jax.Array, memory: Memory | Segment = ()) -> jax.Array:
+        """obs [..., O], task [..., dim], memory of [...] environments -> [..., D], shared by actor and critic.
+
+        The memory may also be segments of [...] without the last axis, which then is that of their steps.
+        """
+        embedding = self.see(obs)
+        parts = [embedding, task]
         if self.config.context is not None:
-            parts.append(self.context(memory))
+            parts.append(self.context(memory, embedding))
         return jnp.concatenate(parts, axis=-1)
 
     def policy(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> Distribution:
         """Distribution of the action, leading axes [...]."""
         return self.actor(self.features(obs, task, memory))
 
-    def value(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> jax.Array:
+    def value(self, obs: jax.Array, task: jax.Array, memory: Memory | Segment = ()) -> jax.Array:
         """Value [...]."""
         return self.critic(self.features(obs, task, memory))
 
-    def __call__(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> tuple[Distribution, jax.Array]:
+    def value_after(self, obs: jax.Array, next_obs: jax.Array, next_task: jax.Array, memory: Segment | tuple[()]):
+        """Value [..., S] of the states that the steps of segments led to, before any new episode."""
+        parts = [self.see(next_obs), next_task]
+        if self.config.context is not None:
+            parts.append(self.context(memory, self.see(obs), after=True))
+        return self.critic(jnp.concatenate(parts, axis=-1))
+
+    def __call__(
+        self, obs: jax.Array, task: jax.Array, memory: Memory | Segment = ()
+    ) -> tuple[Distribution, jax.Array]:
         """Distribution of the action and value from one pass through the shared features."""
         features = self.features(obs, task, memory)
         return self.actor(features), self.critic(features)

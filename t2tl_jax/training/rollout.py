@@ -1,6 +1,7 @@
 """Rollouts of many environments in one scan, and generalised advantage estimation."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -14,7 +15,7 @@ from t2tl_jax.training.episodes import Episode, Outcome, advance
 
 @struct.dataclass
 class Transitions:
-    """A rollout of T steps in N environments; every array leads with [T, N]."""
+    """A rollout of T steps in N environments; every array leads with [T, N], those of the memory excepted."""
 
     obs: jax.Array  # float32[T, N, O]
     row: jax.Array  # int32[T, N]
@@ -25,7 +26,7 @@ class Transitions:
     truncated: jax.Array  # bool[T, N]
     next_obs: jax.Array  # float32[T, N, O], of s' before any reset
     next_row: jax.Array  # int32[T, N]
-    memory: Any  # what the policy remembered when it acted
+    memory: Any  # what the policy remembered at the first step of every segment, leading axes [T / segment, N]
 
 
 # (memory, obs [N, O], row [N], key) -> (memory, action [N, A], log_prob [N]); the memory is whatever the policy needs
@@ -46,16 +47,19 @@ def rollout(
     limit: int,
     discount: float,
     remember: Remember = lambda memory, obs, action, outcome: memory,
+    segment: int = 1,
 ) -> tuple[Memory, Episode, Transitions, EpisodeTotals]:
-    """Act for `steps` steps in the N environments of `episodes`; returns the totals of all episodes that ended."""
+    """Act for `steps` steps in the N environments of `episodes`; returns the totals of all episodes that ended.
+
+    The memory, which may be large, is kept at every `segment`-th step only.
+    """
     num_envs = episodes.elapsed.shape[0]
 
     def step(carry: tuple[Memory, Episode], key: jax.Array):
         memory, episodes = carry
         act_key, reset_key = jax.random.split(key)
         obs, row = episodes.state.obs, episodes.state.pipeline_state.row
-        known = memory
-        memory, action, log_prob = policy(known, obs, row, act_key)
+        memory, action, log_prob = policy(memory, obs, row, act_key)
         reset_keys = jax.random.split(reset_key, num_envs)
         episodes, outcome = jax.vmap(advance, (None, 0, 0, 0, None, None))(
             env, episodes, action, reset_keys, limit, discount
@@ -70,13 +74,20 @@ def rollout(
             truncated=outcome.truncated,
             next_obs=outcome.next_obs,
             next_row=outcome.next_row,
-            memory=known,
+            memory=(),
         )
         memory = remember(memory, obs, action, outcome)
         return (memory, episodes), (transition, outcome.totals)
 
-    (memory, episodes), (transitions, totals) = jax.lax.scan(step, (memory, episodes), jax.random.split(key, steps))
-    return memory, episodes, transitions, jax.tree.map(jnp.sum, totals)
+    def steps_of_segment(carry: tuple[Memory, Episode], keys: jax.Array):
+        known, _ = carry
+        carry, (transitions, totals) = jax.lax.scan(step, carry, keys)
+        return carry, (known, transitions, totals)
+
+    keys = jax.random.split(key, steps).reshape(steps // segment, segment)
+    (memory, episodes), (known, transitions, totals) = jax.lax.scan(steps_of_segment, (memory, episodes), keys)
+    transitions = jax.tree.map(lambda x: x.reshape(steps, *x.shape[2:]), transitions)
+    return memory, episodes, replace(transitions, memory=known), jax.tree.map(jnp.sum, totals)
 
 
 def generalised_advantages(
