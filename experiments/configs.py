@@ -205,6 +205,7 @@ _PUBLISHED = Config(
             aligned=False,
             halved=True,
             recompute=False,
+            segment_length=1,
         ),
     ),
     ppo=PPOConfig(

@@ -46,13 +46,12 @@ class MjxPoint:
         action = clip_action(action)
 
         def substep(carry: tuple[PointState, PointState, jax.Array], _: None) -> tuple[tuple, None]:
-            _, state, _ = carry
-            after, acceleration = self._substep(state, action)
-            return (state, after, acceleration), None
+            state = carry[1]
+            return (state, *self._substep(state, action)), None
 
         start = (state, state, jnp.zeros(3, jnp.float32))
-        (state, _, acceleration), _ = jax.lax.scan(substep, start, None, length=SUBSTEPS + 1)
-        return state, _in_body_frame(acceleration, state)
+        (before_last, _, acceleration), _ = jax.lax.scan(substep, start, None, length=SUBSTEPS + 1)
+        return before_last, _in_body_frame(acceleration, before_last)
 
     def _substep(self, state: PointState, action: jax.Array) -> tuple[PointState, jax.Array]:
         """The motion 2 ms later, and ``float32[3]``, the acceleration of ``qpos`` before it."""

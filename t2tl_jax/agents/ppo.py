@@ -18,7 +18,7 @@ from flax import struct
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.context import Carry
+from t2tl_jax.networks.context import Carry, Segment, Window
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.advantages import generalised_advantages
 from t2tl_jax.training.best import keep_best
@@ -83,6 +83,12 @@ class PPOConfig(LearnerConfig):
                 f"minibatch_size must divide num_envs x unroll_length = {self.num_envs} x {self.unroll_length} = "
                 f"{self.batch_size}, got minibatch_size={self.minibatch_size}"
             )
+        for name, size in (("unroll_length", self.unroll_length), ("minibatch_size", self.minibatch_size)):
+            if size % self.segment_length:
+                raise ValueError(
+                    f"network.context.segment_length must divide {name}, got segment_length={self.segment_length} and "
+                    f"{name}={size}; 1 fits always"
+                )
 
     @property
     def frames_per_iteration(self) -> int:
@@ -99,6 +105,11 @@ class PPOConfig(LearnerConfig):
     def batch_size(self) -> int:
         """Samples of one epoch, which are all steps of the iteration."""
         return self.frames_per_iteration
+
+    @property
+    def segment_length(self) -> int:
+        """Successive steps that stay together in the minibatches; 1 without context."""
+        return 1 if self.network.context is None else self.network.context.segment_length
 
     @property
     def num_minibatches(self) -> int:
@@ -123,7 +134,7 @@ class PPOState:
 
 @struct.dataclass
 class Transitions:
-    """A rollout of T steps in N environments; every array leads with [T, N]."""
+    """A rollout of T steps in N environments; every array leads with [T, N], those of the carry excepted."""
 
     obs: jax.Array  # float32[T, N, O]
     row: jax.Array  # int32[T, N]
@@ -134,12 +145,12 @@ class Transitions:
     truncated: jax.Array  # bool[T, N]
     next_obs: jax.Array  # float32[T, N, O], of s' before any reset
     next_row: jax.Array  # int32[T, N]
-    carry: Carry  # the window that acted
+    carry: Carry  # the window that acted at the first step of every segment, leading axes [T / S, N]
 
 
 @struct.dataclass
 class Batch:
-    """Samples of a rollout, flattened to [B]."""
+    """Samples of a rollout in segments of S successive steps, [B / S, S]; S is 1 without context."""
 
     obs: jax.Array
     row: jax.Array
@@ -147,10 +158,11 @@ class Batch:
     log_prob: jax.Array
     value: jax.Array
     advantage: jax.Array
-    carry: Carry = ()  # the window that acted
+    carry: Segment | tuple[()] = ()  # the windows that acted
 
 
-Known = tuple[jax.Array | None, Carry]  # what acting carries from step to step: exploration noise and context window
+# What acting takes from step to step: exploration noise, the context window, and the same window as it is read.
+Known = tuple[jax.Array | None, Carry, Carry]
 
 
 def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
@@ -162,7 +174,7 @@ def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
 def ppo_loss(
     config: PPOConfig, network: ActorCritic, params: Params, task: jax.Array, batch: Batch
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
-    """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [B, dim]."""
+    """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [..., dim]."""
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
     distribution, value = apply(params, batch.obs, task, batch.carry)
     ratio = jnp.exp(distribution.log_prob(batch.action) - batch.log_prob)
@@ -196,6 +208,11 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
     context, discrete = config.network.context, env.num_actions is not None
     network = ActorCritic(config.network, env.num_actions or env.action_size, discrete)
     apply: Callable[..., Any] = network.apply  # as in ppo_loss
+    # Parameters stand still while acting, so what was seen is embedded once and not at every step that remembers it.
+    as_seen = None if context is None else replace(context, recompute=False)
+    actor: Callable[..., Any] = ActorCritic(
+        replace(config.network, context=as_seen), network.action_size, discrete
+    ).apply
     begin_carry = partial(network.begin, env.observation_size)
     remember = partial(apply, method="remember")
     gradient_steps = iterations * config.epochs * config.num_minibatches
@@ -269,19 +286,21 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         correlation = noise_correlation(config, state.iteration / iterations)
 
         def explore(known: Known, now: State, key: jax.Array) -> tuple[jax.Array, Known, jax.Array]:
-            noise, carry = known
-            distribution = apply(state.params, now.obs, embedding[env.row(now)], carry, method="policy")
+            noise, carry, window = known
+            distribution = actor(state.params, now.obs, embedding[env.row(now)], window, method="policy")
             # White noise on this bang-bang robot averages out within a metre; noise that persists carries it along.
             # Every action by itself still has the policy's distribution, whose density the loss uses.
             action, noise = distribution.sample(key, noise, correlation)
-            return action, (noise, carry), distribution.log_prob(action)
+            return action, (noise, carry, window), distribution.log_prob(action)
 
         def observe(known: Known, now: State, action: jax.Array, reward: jax.Array, ended: jax.Array) -> Known:
-            noise, carry = known
-            return noise, network.next_episode(remember(state.params, carry, now.obs, action, reward), ended)
+            noise, carry, window = known
+            step = now.obs, action, reward
+            carry = network.next_episode(remember(state.params, carry, *step), ended)
+            window = network.next_episode(actor(state.params, window, *step, method="remember"), ended)
+            return noise, carry, window
 
         def keep(step: Step) -> tuple[Transitions, EpisodeTotals, dict[str, jax.Array]]:
-            _, carry = step.carry
             transition = Transitions(
                 obs=step.obs,
                 row=step.row,
@@ -292,60 +311,103 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
                 truncated=step.truncated,
                 next_obs=step.state.obs,
                 next_row=env.row(step.state),
-                carry=carry,
+                carry=(),
             )
             return transition, step.totals, step.state.metrics
 
-        episodes, known, kept = unroll(
-            env,
-            env_params,
-            Policy(explore, observe),
-            state.episodes,
-            (state.noise, state.carry),
-            key,
-            config.unroll_length,
-            episode_length,
-            config.discount,
-            keep,
-        )
+        # The window, which is large, is kept once a segment; without context there is none, and all is one stretch.
+        stretch = config.unroll_length if context is None else config.segment_length
+
+        def one_stretch(before: tuple[Episode, Known], key: jax.Array) -> tuple[tuple[Episode, Known], Any]:
+            episodes, known = before
+            episodes, after, kept = unroll(
+                env,
+                env_params,
+                Policy(explore, observe),
+                episodes,
+                known,
+                key,
+                stretch,
+                episode_length,
+                config.discount,
+                keep,
+            )
+            _, carry, _ = known
+            return (episodes, after), (carry, kept)
+
+        known = state.noise, state.carry, embedded(state.params, state.carry)
+        keys = jax.random.split(key, config.unroll_length // stretch)
+        (episodes, known), (carry, kept) = jax.lax.scan(one_stretch, (state.episodes, known), keys)
         transitions, totals, env_metrics = kept
-        return known, episodes, transitions, summed(totals), env_scalars(env_metrics)
+        transitions = jax.tree.map(lambda x: x.reshape(config.unroll_length, *x.shape[2:]), transitions)
+        return known, episodes, replace(transitions, carry=carry), summed(totals), env_scalars(env_metrics)
+
+    def embedded(params: Params, carry: Carry) -> Carry:
+        """The window with embeddings of what was seen in it."""
+        if not isinstance(carry, Window) or context is None or not context.recompute:
+            return carry
+        return replace(carry, seen=apply(params, carry.seen, method="see"))
+
+    def in_segments(x: jax.Array) -> jax.Array:
+        """[T, N, ...] -> [T / S x N, S, ...]."""
+        x = x.reshape(-1, config.segment_length, *x.shape[1:])
+        return jnp.moveaxis(x, 1, 2).reshape(-1, config.segment_length, *x.shape[3:])
+
+    def by_time(x: jax.Array) -> jax.Array:
+        """[T / S x N, S] or these in several parts -> [T, N]."""
+        x = x.reshape(-1, config.num_envs, config.segment_length)
+        return jnp.moveaxis(x, 2, 1).reshape(config.unroll_length, config.num_envs)
+
+    def segments_of(params: Params, transitions: Transitions) -> Segment | tuple[()]:
+        """The segments of a rollout, [T / S x N], without their observations where these are embedded anew."""
+        if context is None:
+            return ()
+        ended = transitions.terminated | transitions.truncated
+        action, reward, ended = (in_segments(x) for x in (transitions.action, transitions.reward, ended))
+        # The same numbers as when acting: from the same parameters.
+        seen = None if context.recompute else apply(params, in_segments(transitions.obs), method="see")
+        start = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), transitions.carry)
+        return Segment(start=start, action=action, reward=reward, ended=ended, seen=seen)
 
     def make_batch(table: TaskTable, params: Params, transitions: Transitions) -> Batch:
-        embedding = embed(params, table)
+        embedding, carry = embed(params, table), segments_of(params, transitions)
+        steps = jax.tree.map(in_segments, replace(transitions, carry=()))
 
-        def evaluate(steps: Transitions) -> tuple[jax.Array, jax.Array]:
-            after = remember(params, steps.carry, steps.obs, steps.action, steps.reward)  # at s', before any reset
-            value = apply(params, steps.obs, embedding[steps.row], steps.carry, method="value")
-            return value, apply(params, steps.next_obs, embedding[steps.next_row], after, method="value")
+        def evaluate(part: tuple[Transitions, Segment | tuple[()]]) -> tuple[jax.Array, jax.Array]:
+            steps, carry = part
+            value = apply(params, steps.obs, embedding[steps.row], carry, method="value")
+            next_task = embedding[steps.next_row]
+            return value, apply(params, steps.obs, steps.next_obs, next_task, carry, method="value_after")
 
         if context is None:
-            value, next_value = evaluate(transitions)
+            values = evaluate((steps, carry))
         else:  # a token of a window takes much more memory than a value, so no more samples at once than in the update
-            at_once = max(1, config.minibatch_size // config.num_envs)
-            value, next_value = jax.lax.map(evaluate, transitions, batch_size=min(at_once, config.unroll_length))
+            parts = jax.tree.map(lambda x: x.reshape(config.num_minibatches, -1, *x.shape[1:]), (steps, carry))
+            values = jax.lax.map(evaluate, parts)
+        value, next_value = (by_time(x) for x in values)
         terminated, truncated = transitions.terminated, transitions.truncated
         if config.timeout_is_terminal:
             terminated, truncated = terminated | truncated, jnp.zeros_like(truncated)
-        carry = transitions.carry
         advantage = generalised_advantages(
             transitions.reward, value, next_value, terminated, truncated, config.discount, config.gae_lambda
         )
-        batch = Batch(
-            obs=transitions.obs,
-            row=transitions.row,
-            action=transitions.action,
-            log_prob=transitions.log_prob,
-            value=value,
-            advantage=advantage,
-            carry=misaligned(carry) if context is not None and not context.aligned else carry,
+        return Batch(
+            obs=steps.obs,
+            row=steps.row,
+            action=steps.action,
+            log_prob=steps.log_prob,
+            value=in_segments(value),
+            advantage=in_segments(advantage),
+            carry=misaligned(carry) if isinstance(carry, Segment) and not context.aligned else carry,
         )
-        return jax.tree.map(lambda x: x.reshape(config.batch_size, *x.shape[2:]), batch)
 
-    def misaligned(carry: Carry) -> Carry:
+    def misaligned(carry: Segment) -> Segment:
         """Windows as published: flattened by time and then environment, beside samples in the opposite order."""
-        shape = (config.num_envs, config.unroll_length)
-        return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[2:]).swapaxes(0, 1), carry)
+
+        def other_order(x: jax.Array) -> jax.Array:
+            return x.reshape(config.num_envs, config.unroll_length, *x.shape[1:]).swapaxes(0, 1).reshape(x.shape)
+
+        return replace(carry, start=jax.tree.map(other_order, carry.start))
 
     def gradient_step(table: TaskTable, carry: tuple[Params, optax.OptState], minibatch: Batch):
         params, opt_state = carry
@@ -360,10 +422,11 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         return (optax.apply_updates(params, updates), opt_state), scalars
 
     def epoch(table: TaskTable, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):
-        order = jax.random.permutation(key, config.batch_size).reshape(config.num_minibatches, config.minibatch_size)
+        segments = config.batch_size // config.segment_length
+        order = jax.random.permutation(key, segments).reshape(config.num_minibatches, -1)
 
-        def minibatch_step(carry, rows):
-            return gradient_step(table, carry, jax.tree.map(lambda x: x[rows], batch))
+        def minibatch_step(carry, chosen):
+            return gradient_step(table, carry, jax.tree.map(lambda x: x[chosen], batch))
 
         return jax.lax.scan(minibatch_step, carry, order)
 
@@ -372,7 +435,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         key, rollout_key, epochs_key = jax.random.split(state.key, 3)
 
         # COLLECT
-        (noise, carry), episodes, transitions, totals, env_metrics = collect(state, env_params, rollout_key)
+        (noise, carry, _), episodes, transitions, totals, env_metrics = collect(state, env_params, rollout_key)
 
         # ADVANTAGE
         batch = make_batch(table, state.params, transitions)

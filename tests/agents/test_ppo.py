@@ -150,7 +150,9 @@ def test_vmapped_seeds_equal_single_seeds(env, learner):
 
     def behaviour(params):
         rows = jnp.arange(env.table.num_rows)
-        return agent.act(params, agent.embed(params, env.table), (), jnp.ones((len(rows), 3)), rows, jax.random.key(0), True)
+        return agent.act(
+            params, agent.embed(params, env.table), (), jnp.ones((len(rows), 3)), rows, jax.random.key(0), True
+        )
 
     own = jax.tree.map(lambda x: x[1], together.params)
     np.testing.assert_allclose(behaviour(own), behaviour(alone.params), atol=1e-3)

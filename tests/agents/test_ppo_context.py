@@ -83,7 +83,7 @@ def test_the_value_after_a_step_is_that_of_the_window_after_the_step(learner):
 
 @pytest.mark.parametrize("aligned", [True, False])
 def test_published_windows_run_on_and_belong_to_other_samples(aligned):
-    env, agent = make(reset=False, recompute=False, aligned=aligned)
+    env, agent = make(reset=False, recompute=False, aligned=aligned, segment_length=8 if aligned else 1)
     given = env.make_params(0)
     state = jax.jit(agent.init)(jax.random.key(0), given)
     iterate = jax.jit(agent.iterate)
