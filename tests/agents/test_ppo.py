@@ -39,7 +39,7 @@ def make(env, iterations=60, network=NETWORK, **changes):
 
 @pytest.fixture(scope="module")
 def learner(env):
-    """The plain learner as (agent, init, iterate), compiled once for every test that trains it; a second trace fails."""
+    """The plain learner as (agent, init, iterate), compiled once for all tests; a second trace is an error."""
     agent, given = make(env), env.make_params(0)
     init, iterate = jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
     return agent, lambda key: init(key, given), lambda state: iterate(state, given)
