@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.configs import CONFIGS
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.context import (
@@ -25,7 +24,20 @@ from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.training.types import repeated
 
 SMALL = TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8)
-PUBLISHED = CONFIGS["zone_ppo_published"][0].network
+AS_PUBLISHED = TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True)
+PUBLISHED = NetworkConfig(
+    transformer=AS_PUBLISHED,
+    observation="raw",
+    value_scale=1.0,
+    context=ContextConfig(
+        transformer=dataclasses.replace(AS_PUBLISHED, layers=2),
+        reset=False,
+        aligned=False,
+        halved=True,
+        recompute=False,
+        segment_length=1,
+    ),
+)
 
 
 def count(params) -> int:
