@@ -192,7 +192,7 @@ def make_ppo(
     part of the state: that of `env` until `renew` puts another one in its place. `embed` always encodes that of `env`.
     """
     context, discrete = network_config.context, env.num_actions is not None
-    segment = 1 if context is None else context.segment_length
+    segment, aligned = (1, True) if context is None else (context.segment_length, context.aligned)
     check_segments(config, segment)
     network = ActorCritic(network_config, env.num_actions or env.action_size, discrete)
     # Parameters stand still while acting, so what was seen is embedded once and not at every step that remembers it.
@@ -365,7 +365,7 @@ def make_ppo(
             log_prob=steps["log_prob"],
             value=in_segments(value),
             advantage=in_segments(advantage),
-            memory=misaligned(memory) if isinstance(memory, Segment) and not context.aligned else memory,
+            memory=misaligned(memory) if isinstance(memory, Segment) and not aligned else memory,
         )
 
     def misaligned(memory: Segment) -> Segment:
