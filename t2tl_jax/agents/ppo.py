@@ -313,8 +313,9 @@ def make_ppo(
 
     def in_segments(x: jax.Array) -> jax.Array:
         """[T, N, ...] -> [T / S x N, S, ...]."""
-        x = x.reshape(-1, segment, *x.shape[1:])
-        return jnp.moveaxis(x, 1, 2).reshape(-1, segment, *x.shape[3:])
+        segments = config.rollout_steps // segment  # sizes are written out: an observation may have none
+        x = x.reshape(segments, segment, *x.shape[1:])
+        return jnp.moveaxis(x, 1, 2).reshape(segments * config.num_envs, segment, *x.shape[3:])
 
     def by_time(x: jax.Array) -> jax.Array:
         """[T / S x N, S] or these in several parts -> [T, N]."""
@@ -330,7 +331,7 @@ def make_ppo(
         action, reward, ended = (in_segments(x) for x in (transitions.action, transitions.reward, ended))
         # The same numbers as when acting: from the same parameters.
         seen = None if context.recompute else apply(params, in_segments(transitions.obs), method="see")
-        start = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), memory)
+        start = jax.tree.map(lambda x: x.reshape(x.shape[0] * x.shape[1], *x.shape[2:]), memory)
         return Segment(start=start, action=action, reward=reward, ended=ended, seen=seen)
 
     def make_batch(table: TaskTable, params: Params, transitions: Transitions) -> Batch:
@@ -349,7 +350,10 @@ def make_ppo(
         if context is None:
             values = evaluate((steps, memory))
         else:  # a token of a window takes much more memory than a value, so no more samples at once than in the update
-            parts = jax.tree.map(lambda x: x.reshape(config.num_minibatches, -1, *x.shape[1:]), (steps, memory))
+            parts = jax.tree.map(
+                lambda x: x.reshape(config.num_minibatches, len(x) // config.num_minibatches, *x.shape[1:]),
+                (steps, memory),
+            )
             values = jax.lax.map(evaluate, parts)
         value, next_value = (by_time(x) for x in values)
         terminated, truncated = transitions.terminated, transitions.truncated
