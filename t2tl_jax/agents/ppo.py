@@ -350,8 +350,9 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
 
     def in_segments(x: jax.Array) -> jax.Array:
         """[T, N, ...] -> [T / S x N, S, ...]."""
-        x = x.reshape(-1, config.segment_length, *x.shape[1:])
-        return jnp.moveaxis(x, 1, 2).reshape(-1, config.segment_length, *x.shape[3:])
+        segments = config.unroll_length // config.segment_length  # sizes are written out: an observation may have none
+        x = x.reshape(segments, config.segment_length, *x.shape[1:])
+        return jnp.moveaxis(x, 1, 2).reshape(segments * config.num_envs, config.segment_length, *x.shape[3:])
 
     def by_time(x: jax.Array) -> jax.Array:
         """[T / S x N, S] or these in several parts -> [T, N]."""
@@ -366,7 +367,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         action, reward, ended = (in_segments(x) for x in (transitions.action, transitions.reward, ended))
         # The same numbers as when acting: from the same parameters.
         seen = None if context.recompute else apply(params, in_segments(transitions.obs), method="see")
-        start = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), transitions.carry)
+        start = jax.tree.map(lambda x: x.reshape(x.shape[0] * x.shape[1], *x.shape[2:]), transitions.carry)
         return Segment(start=start, action=action, reward=reward, ended=ended, seen=seen)
 
     def make_batch(table: TaskTable, params: Params, transitions: Transitions) -> Batch:
@@ -382,7 +383,10 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         if context is None:
             values = evaluate((steps, carry))
         else:  # a token of a window takes much more memory than a value, so no more samples at once than in the update
-            parts = jax.tree.map(lambda x: x.reshape(config.num_minibatches, -1, *x.shape[1:]), (steps, carry))
+            parts = jax.tree.map(
+                lambda x: x.reshape(config.num_minibatches, len(x) // config.num_minibatches, *x.shape[1:]),
+                (steps, carry),
+            )
             values = jax.lax.map(evaluate, parts)
         value, next_value = (by_time(x) for x in values)
         terminated, truncated = transitions.terminated, transitions.truncated
