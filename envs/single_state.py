@@ -8,7 +8,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 
-from t2tl_jax.env import Alphabet, LabelledEnv, State
+from t2tl_jax.env import Alphabet, EnvConfig, EnvParams, LabelledEnv, State
 from t2tl_jax.registry import register_env
 
 EPISODE_LENGTH = 75
@@ -22,7 +22,7 @@ ZONE_COLOURS = ("Black", "White", "Red", "Yellow")
 
 
 @dataclasses.dataclass(frozen=True)
-class SingleStateConfig:
+class SingleStateConfig(EnvConfig):
     """What distinguishes one single-state world from another."""
 
     propositions: tuple[str, ...] = ZONE_COLOURS
@@ -43,22 +43,23 @@ class SingleState(LabelledEnv):
     def __init__(self, config: SingleStateConfig = SingleStateConfig()) -> None:
         self.config = config
 
-    def reset(self, rng: jax.Array) -> State:
+    def reset(self, rng: jax.Array, params: EnvParams | None = None) -> State:
         """The one state; no proposition is true before the first action."""
-        del rng
-        return self._state(jnp.int32(-1))
+        del rng, params
+        return State(jnp.int32(-1), jnp.zeros(0, jnp.float32), jnp.float32(0), jnp.float32(0))
 
-    def step(self, state: State, action: jax.Array) -> State:
+    def step(self, state: State, action: jax.Array, params: EnvParams | None = None) -> State:
         """Make proposition `action` (an ``int32`` scalar, or that with the shape ``[1]``) true."""
-        del state
-        return self._state(jnp.asarray(action).reshape(()).astype(jnp.int32))
+        del params
+        return state.replace(
+            pipeline_state=jnp.asarray(action).reshape(()).astype(jnp.int32),
+            reward=jnp.float32(0),
+            done=jnp.float32(0),
+        )
 
     def labels(self, state: State) -> jax.Array:
         """Which propositions hold: ``bool[P]``, the chosen one."""
         return jnp.arange(self.num_actions) == state.pipeline_state
-
-    def _state(self, chosen: jax.Array) -> State:
-        return State(chosen, jnp.zeros(0, jnp.float32), jnp.float32(0), jnp.float32(0))
 
     @property
     def propositions(self) -> tuple[str, ...]:

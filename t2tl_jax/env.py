@@ -1,28 +1,66 @@
-"""The interface of every environment here: brax's ``Env`` plus propositions and labels.
+"""The interface of every environment here: brax's ``Env`` plus propositions, labels, and parameters as data.
 
 A labelled environment says which atomic propositions hold in a state. What a task makes of these labels (progression,
 reward, the end of an episode) is decided outside, so no environment knows any temporal logic. No environment has a
 time limit of its own either; one that is published with an environment is a constant of its module.
+
+An environment is an object without state. What varies between seeds (maps, sizes) is a pytree of arrays that
+``make_params`` makes on the host and that ``reset`` and ``step`` take: one compiled program serves all seeds.
 """
 
 import abc
-from typing import Literal
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import jax
 from brax.envs.base import Env, State
 
-__all__ = ["Alphabet", "LabelledEnv", "State"]
+from t2tl_jax.view import View
+
+__all__ = ["Alphabet", "EnvConfig", "EnvParams", "LabelledEnv", "State"]
 
 Alphabet = Literal["at_most_one", "every_subset"]
+
+EnvParams = Any  # a pytree of arrays
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """What distinguishes one environment of a kind from another; the base class of every kind's configuration."""
 
 
 class LabelledEnv(Env):
     """A single unbatched environment whose states carry labels; ``jax.vmap`` makes it a batch.
 
-    ``reset`` and ``step`` are deterministic functions of their arguments and return the same tree of shapes and dtypes.
-    Everything that a reset must restore lives in ``State.pipeline_state``. ``reset`` takes typed keys
-    (``jax.random.key``) and legacy ``uint32[2]`` keys alike, and gives the same state for both.
+    ``reset`` and ``step`` are deterministic functions of their arguments and return the same tree of shapes and dtypes,
+    ``State.metrics`` included. Everything that a reset must restore lives in ``State.pipeline_state``. ``reset`` takes
+    typed keys (``jax.random.key``) and legacy ``uint32[2]`` keys alike, and gives the same state for both.
     """
+
+    def make_params(self, seed: int, training: bool = True) -> EnvParams:
+        """What varies between the seeds of a run, made on the host; nothing, ``()``, for most environments.
+
+        Args:
+            seed: number of the seed.
+            training: False for what an evaluation uses: where maps are drawn at random, maps that the training of this
+                seed never had; else the same.
+
+        Returns:
+            A pytree of NumPy arrays, of the same structure, shapes and dtypes for every seed.
+
+        Raises:
+            ValueError: for a seed that the environment has nothing for.
+        """
+        del seed, training
+        return ()
+
+    @abc.abstractmethod
+    def reset(self, rng: jax.Array, params: EnvParams | None = None) -> State:
+        """The start of an episode. Without `params`, those of ``make_params(0)``, as foreign trainers call it."""
+
+    @abc.abstractmethod
+    def step(self, state: State, action: jax.Array, params: EnvParams | None = None) -> State:
+        """The state one step later. `params` are those of the episode's ``reset``."""
 
     @property
     @abc.abstractmethod
@@ -43,7 +81,6 @@ class LabelledEnv(Env):
     def num_actions(self) -> int | None:
         """Number of discrete actions, or ``None`` when actions are ``float[action_size]`` in [-1, 1]."""
 
-    def for_seed(self, seed: jax.Array) -> "LabelledEnv":
-        """The environment of the run with this seed, which may be traced; here the same for all of them."""
-        del seed
-        return self
+    def view(self) -> View | None:
+        """How the environment looks from above, for animations; None where there is nothing to see."""
+        return None

@@ -10,8 +10,19 @@ import jax.numpy as jnp
 from brax.envs.base import Env, State
 from flax import struct
 
-from t2tl_jax.env import LabelledEnv
+from t2tl_jax.env import EnvParams, LabelledEnv
 from t2tl_jax.ltl import TaskTable
+
+
+@struct.dataclass
+class TaskParams:
+    """Everything that varies between seeds and tasks, as one pytree: an argument of `reset` and `step`, not a constant.
+
+    Over the seeds of a run `env` is stacked, and all of them share one `table`.
+    """
+
+    env: EnvParams  # of the wrapped environment
+    table: TaskTable  # the tasks
 
 
 @struct.dataclass
@@ -34,12 +45,16 @@ class Shared:
 class TaskEnv(Env):
     """An environment that rewards the agent for satisfying a formula (brax interface, unbatched, no time limit).
 
-    `simultaneous` is the share of episodes that start in a random open row of the table instead of a task's first row:
-    the on-policy form of the paper's learning on the extended set Psi of progressed sub-tasks.
+    `random_starts` is the share of episodes that start in a random open row of the table instead of a task's first row:
+    the on-policy form of the paper's simultaneous learning on the extended set Psi of progressed sub-tasks.
     """
 
-    def __init__(self, env: LabelledEnv, table: TaskTable, simultaneous: float = 0.0) -> None:
-        """Combine `env` and `table`; ValueError when they do not speak of the same propositions."""
+    def __init__(self, env: LabelledEnv, table: TaskTable, random_starts: float = 0.0) -> None:
+        """Combine `env` with tasks; `table` is part of the parameters, and the default for calls without them.
+
+        Raises:
+            ValueError: when they do not speak of the same propositions.
+        """
         if tuple(env.propositions) != tuple(table.propositions):
             raise ValueError(
                 f"the table was compiled for propositions {table.propositions}, the environment offers "
@@ -50,65 +65,76 @@ class TaskEnv(Env):
                 "the environment can make several propositions true at once, the table is exact only for at most one; "
                 "compile it with alphabet='every_subset'"
             )
-        if not 0.0 <= simultaneous <= 1.0:
-            raise ValueError(f"simultaneous is a share of episodes, expected 0 to 1, got {simultaneous}")
+        if not 0.0 <= random_starts <= 1.0:
+            raise ValueError(f"random_starts is a share of episodes, expected 0 to 1, got {random_starts}")
         self.env = env
         self.table = table
-        self.simultaneous = simultaneous
+        self.random_starts = random_starts
 
-    def with_table(self, table: TaskTable) -> "TaskEnv":
-        """The same environment with other tasks, which may be arrays of a traced function."""
-        return TaskEnv(self.env, table, self.simultaneous)
+    def make_params(self, seed: int, training: bool = True) -> TaskParams:
+        """The environment's parameters for a seed, and the table; see `LabelledEnv.make_params`."""
+        return TaskParams(env=self.env.make_params(seed, training), table=self.table)
 
-    def reset(self, rng: jax.Array, turn: jax.Array | None = None) -> State:
+    def reset(self, rng: jax.Array, params: TaskParams | None = None, turn: jax.Array | None = None) -> State:
         """A fresh layout and one of the table's tasks; the initial state's labels are not used.
 
         The task is drawn uniformly, or is number `turn` (int32 scalar) of those that take turns.
         """
+        params = self.make_params(0) if params is None else params
         env_key, task_key, row_key = jax.random.split(rng, 3)
-        tasks = self.table.initial_row
+        tasks = params.table.initial_row
         row = jax.random.choice(task_key, tasks) if turn is None else tasks[turn % len(tasks)]
-        if self.simultaneous > 0.0:
+        if self.random_starts > 0.0:
             share_key, row_key = jax.random.split(row_key)
-            is_open = (self.table.verdict == 0).astype(jnp.float32)
+            is_open = params.table.is_open.astype(jnp.float32)
             random_row = jax.random.categorical(row_key, jnp.log(is_open))
-            row = jnp.where(jax.random.uniform(share_key) < self.simultaneous, random_row, row)
-        return self.reset_to_row(env_key, row)
+            row = jnp.where(jax.random.uniform(share_key) < self.random_starts, random_row, row)
+        return self.reset_to_row(env_key, row, params)
 
-    def reset_to_row(self, rng: jax.Array, row: jax.Array) -> State:
+    def reset_to_row(self, rng: jax.Array, row: jax.Array, params: TaskParams | None = None) -> State:
         """Start an episode of a given row (int32 scalar)."""
-        state = self.env.reset(rng)
+        params = self.make_params(0) if params is None else params
+        state = self.env.reset(rng, params.env)
         return state.replace(pipeline_state=TaskState(env=state.pipeline_state, row=jnp.asarray(row, jnp.int32)))
 
-    def step(self, state: State, action: jax.Array) -> State:
+    def step(self, state: State, action: jax.Array, params: TaskParams | None = None) -> State:
         """Act, label, progress, reward (equation 2 of the paper, with the labels of s')."""
-        return self.step_for_all(state, action)[0]
+        return self.step_for_all(state, action, params)[0]
 
-    def step_for_all(self, state: State, action: jax.Array) -> tuple[State, Shared]:
+    def step_for_all(self, state: State, action: jax.Array, params: TaskParams | None = None) -> tuple[State, Shared]:
         """As `step`, with what the step would have been to an agent with another task."""
-        env_state = self.env.step(state.replace(pipeline_state=state.pipeline_state.env), action)
+        params = self.make_params(0) if params is None else params
+        table = params.table
+        env_state = self.env.step(state.replace(pipeline_state=state.pipeline_state.env), action, params.env)
         shared = Shared(
-            letter=self.table.letter(self.env.labels(env_state)), reward=env_state.reward, ended=env_state.done > 0
+            letter=table.letter(self.env.labels(env_state)), reward=env_state.reward, ended=env_state.done > 0
         )
-        row, reward = self.table.step(state.pipeline_state.row, shared.letter)
+        row, reward = table.step(state.pipeline_state.row, shared.letter)
         after = env_state.replace(
             pipeline_state=TaskState(env=env_state.pipeline_state, row=row),
             reward=env_state.reward + reward,
-            done=jnp.maximum(env_state.done, jnp.abs(self.table.verdict[row]).astype(jnp.float32)),
+            done=jnp.maximum(env_state.done, jnp.abs(table.verdict[row]).astype(jnp.float32)),
         )
         return after, shared
 
     def row(self, state: State) -> jax.Array:
-        """The table row of the formula that is left: int32 scalar."""
+        """The table row of the formula that is left: int32, of any batch of states."""
         return state.pipeline_state.row
 
-    def verdict(self, state: State) -> jax.Array:
-        """+1 the task is carried out, -1 violated, 0 open: int8 scalar."""
-        return self.table.verdict[state.pipeline_state.row]
+    def task(self, state: State, params: TaskParams | None = None) -> jax.Array:
+        """Which of the table's tasks starts in the state's row: int32 scalar; -1 for none, as after a random start."""
+        params = self.make_params(0) if params is None else params
+        is_first_row = params.table.initial_row == self.row(state)
+        return jnp.where(is_first_row.any(), is_first_row.argmax(), -1).astype(jnp.int32)
+
+    def verdict(self, state: State, params: TaskParams | None = None) -> jax.Array:
+        """+1 the task is carried out, -1 violated, 0 open: int8, of any batch of states."""
+        table = self.table if params is None else params.table
+        return table.verdict[self.row(state)]
 
     @property
     def observation_size(self) -> int:
-        """Size of the environment's observation (the row is not part of it)."""
+        """Size of the environment's observation (the row is not part of it; see `TaskInObservation`)."""
         return self.env.observation_size
 
     @property

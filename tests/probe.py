@@ -20,17 +20,14 @@ class ProbeEnv(LabelledEnv):
     observation_size = 3
     backend = "none"
 
-    def reset(self, rng: jax.Array) -> State:
-        return self._state(jnp.float32(0))
+    def reset(self, rng: jax.Array, params=None) -> State:
+        return State(jnp.float32(0), jnp.ones(3), jnp.float32(0), jnp.float32(0))
 
-    def step(self, state: State, action: jax.Array) -> State:
-        return self._state(action[0].astype(jnp.float32))
+    def step(self, state: State, action: jax.Array, params=None) -> State:
+        return state.replace(pipeline_state=action[0].astype(jnp.float32), reward=jnp.float32(0), done=jnp.float32(0))
 
     def labels(self, state: State) -> jax.Array:
         return jnp.stack([state.pipeline_state > 0.5, state.pipeline_state < -0.5])
-
-    def _state(self, last_action: jax.Array) -> State:
-        return State(last_action, jnp.ones(3), jnp.float32(0), jnp.float32(0))
 
 
 class CueEnv(ProbeEnv):
@@ -42,11 +39,11 @@ class CueEnv(ProbeEnv):
 
     delay = 2
 
-    def reset(self, rng: jax.Array) -> State:
+    def reset(self, rng: jax.Array, params=None) -> State:
         cue = jnp.where(jax.random.bernoulli(rng), 1.0, -1.0)
         return self._cued(cue, jnp.float32(0), jnp.float32(0))
 
-    def step(self, state: State, action: jax.Array) -> State:
+    def step(self, state: State, action: jax.Array, params=None) -> State:
         cue, age, _ = state.pipeline_state
         return self._cued(cue, age + 1, jnp.where(age == self.delay, cue * action[0], 0.0))
 
@@ -63,8 +60,8 @@ class DiscreteProbeEnv(ProbeEnv):
 
     num_actions = 3
 
-    def step(self, state: State, action: jax.Array) -> State:
-        return self._state(jnp.array([0.0, 1.0, -1.0])[action])
+    def step(self, state: State, action: jax.Array, params=None) -> State:
+        return super().step(state, jnp.array([[0.0], [1.0], [-1.0]])[action])
 
 
 class DiscreteCueEnv(CueEnv):
@@ -72,5 +69,5 @@ class DiscreteCueEnv(CueEnv):
 
     num_actions = 3
 
-    def step(self, state: State, action: jax.Array) -> State:
+    def step(self, state: State, action: jax.Array, params=None) -> State:
         return super().step(state, jnp.array([[0.0], [1.0], [-1.0]])[action])

@@ -1,14 +1,8 @@
 """WaterWorld: an agent among coloured balls that fly straight and bounce off the walls, after Toro Icarte et al."""
 
-from envs.waterworld.water_env import (
-    COLOURS,
-    EPISODE_LENGTH,
-    LETTERS,
-    NUM_ACTIONS,
-    WaterWorld,
-    WaterWorldConfig,
-    WaterWorldState,
-)
+from envs.waterworld.config import COLOURS, EPISODE_LENGTH, LETTERS, WaterWorldConfig
+from envs.waterworld.params import WaterWorldParams
+from envs.waterworld.water_env import NUM_ACTIONS, WaterWorld, WaterWorldState
 from t2tl_jax.registry import register_env
 
 __all__ = [
@@ -18,6 +12,7 @@ __all__ = [
     "NUM_ACTIONS",
     "WaterWorld",
     "WaterWorldConfig",
+    "WaterWorldParams",
     "WaterWorldState",
 ]
 

@@ -9,13 +9,13 @@ agent. Radii that differ between colours are not in the original; they enter the
 import math
 import random
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from envs.waterworld.params import WaterWorldParams
+from envs.waterworld.params import Start, WaterWorldParams
 
 DRAWS_PER_BALL = 1000
 """Places tried for one ball, after which everything is placed anew. The original would go on for ever."""
@@ -23,20 +23,8 @@ DRAWS_PER_BALL = 1000
 RESTARTS = 100
 """Attempts at a whole map, after which the balls are declared impossible to place."""
 
-
 Placing = tuple[jax.Array, jax.Array, jax.Array, jax.Array]
 """Proposals so far, bodies placed, proposals for the present body, places ``[1 + n, 2]`` (the agent first)."""
-
-
-class Start(NamedTuple):
-    """Where the bodies are at the start. The agent is at rest."""
-
-    agent: jax.Array | np.ndarray
-    """``[..., 2]``: position of the agent in units of length."""
-    balls: jax.Array | np.ndarray
-    """``[..., n, 2]``: positions of the balls in units of length."""
-    directions: jax.Array | np.ndarray
-    """``[..., n, 2]``: unit vectors along the velocities of the balls."""
 
 
 def numbered_map(number: int, radii: Sequence[float], agent_radius: float, arena: tuple[float, float]) -> Start:
@@ -64,10 +52,16 @@ def numbered_map(number: int, radii: Sequence[float], agent_radius: float, arena
     )
 
 
-def map_pool(first: int, count: int, radii: Sequence[float], agent_radius: float, arena: tuple[float, float]) -> Start:
-    """The numbered maps ``first`` to ``first + count - 1``, stacked, in float64; ValueError if the balls do not fit."""
+@lru_cache(maxsize=64)
+def map_pool(
+    first: int, count: int, radii: tuple[float, ...], agent_radius: float, arena: tuple[float, float]
+) -> Start:
+    """The numbered maps ``first`` to ``first + count - 1``, stacked, in float32; ValueError if the balls do not fit.
+
+    A pool takes a good part of a second and is asked for in every call without parameters, so the last ones are kept.
+    """
     maps = [numbered_map(first + i, radii, agent_radius, arena) for i in range(count)]
-    return Start(*(np.stack(part) for part in zip(*maps, strict=True)))
+    return Start(*(np.stack(part).astype(np.float32) for part in zip(*maps, strict=True)))
 
 
 def _try_map(

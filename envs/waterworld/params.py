@@ -1,7 +1,10 @@
-"""The numbers of a WaterWorld: sizes, speeds and radii, as a pytree that ``jax.vmap`` can run over."""
+"""The numbers of a WaterWorld: sizes, speeds, radii and maps, as a pytree that ``jax.vmap`` can run over."""
+
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 
 ARENA = 400.0
@@ -20,29 +23,43 @@ TIME_STEP = 0.1
 """Seconds of one step of the original."""
 
 
+class Start(NamedTuple):
+    """Where the bodies are at the start. The agent is at rest."""
+
+    agent: jax.Array | np.ndarray
+    """``[..., 2]``: position of the agent in units of length."""
+    balls: jax.Array | np.ndarray
+    """``[..., n, 2]``: positions of the balls in units of length."""
+    directions: jax.Array | np.ndarray
+    """``[..., n, 2]``: unit vectors along the velocities of the balls."""
+
+
 @struct.dataclass
 class WaterWorldParams:
     """Everything numeric about a WaterWorld; how many colours and balls there are is static instead.
 
-    All fields are float32. The parameters travel in the state, so a batch of environments may mix them.
+    All fields are float32. They are arguments of ``reset`` and ``step``, so a batch of environments may mix them.
     """
 
-    arena: jax.Array
+    arena: jax.Array | np.ndarray
     """``[2]``: width and height in units of length; the origin is a corner."""
-    time_step: jax.Array
+    time_step: jax.Array | np.ndarray
     """Seconds that one step takes."""
-    ball_speed: jax.Array
+    ball_speed: jax.Array | np.ndarray
     """Speed of every ball in units per second, constant; also enters the scale of the observation."""
-    increment: jax.Array
+    increment: jax.Array | np.ndarray
     """Units per second that an action adds to the agent's velocity on its axis."""
-    velocity_limit: jax.Array
+    velocity_limit: jax.Array | np.ndarray
     """Largest velocity of the agent on each axis (a box, not a norm), in units per second."""
-    agent_radius: jax.Array
+    agent_radius: jax.Array | np.ndarray
     """Radius of the agent in units of length."""
-    ball_radius: jax.Array
+    ball_radius: jax.Array | np.ndarray
     """``[C]``: radius of the balls of each colour in units of length."""
+    starts: Start | None
+    """With a leading axis ``[m]``: the maps that a reset chooses from; None to draw one by the rule of `maps`."""
 
     def radius_of_each_ball(self, balls_per_colour: int) -> jax.Array:
         """The colours' radii repeated for the balls of each colour: ``[n]``."""
         (colours,) = self.ball_radius.shape
-        return jnp.broadcast_to(self.ball_radius[:, None], (colours, balls_per_colour)).reshape(-1)
+        radii = jnp.asarray(self.ball_radius)[:, None]
+        return jnp.broadcast_to(radii, (colours, balls_per_colour)).reshape(-1)

@@ -7,6 +7,7 @@ theirs. It then prefers to be near a wanted ball 0.8 seconds later, and not to c
 import jax
 import jax.numpy as jnp
 
+from envs.waterworld.params import WaterWorldParams
 from envs.waterworld.water_env import NUM_ACTIONS, WaterWorldState, direction
 
 HORIZON = 0.8
@@ -22,18 +23,20 @@ PENALTY = 2.0
 """What one unit too near to an avoided ball costs at one moment, in units of distance to the wanted ball."""
 
 
-def scripted_action(state: WaterWorldState, wanted: jax.Array, avoided: jax.Array) -> jax.Array:
+def scripted_action(
+    state: WaterWorldState, params: WaterWorldParams, wanted: jax.Array, avoided: jax.Array
+) -> jax.Array:
     """The best of the five actions by imagining straight flight up to the horizon.
 
     Args:
         state: one unbatched state.
+        params: sizes and speeds of its world.
         wanted: ``bool[P]``, colours to touch next. With none the agent only keeps away from the avoided ones.
         avoided: ``bool[P]``, colours not to touch.
 
     Returns:
         ``int32`` scalar, an action.
     """
-    params = state.params
     num_balls = len(state.ball_positions)
     per_colour = num_balls // len(wanted)
     wanted, avoided = (jnp.broadcast_to(x[:, None], (len(wanted), per_colour)).ravel() for x in (wanted, avoided))

@@ -4,6 +4,7 @@ Everything here is host-side numpy. A random map is never drawn inside a jitted 
 and a reset picks one of them.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -72,8 +73,9 @@ class Layouts(NamedTuple):
     """``float32[pool, n, 2]``: disc centres in metres."""
 
 
-def sample_layouts(num_zones: int, pool_size: int, seed: int) -> Layouts:
-    """Draw ``pool_size`` random maps with ``num_zones`` discs each.
+@lru_cache(maxsize=64)
+def sample_layouts(num_zones: int, pool_size: int, seed: int | tuple[int, ...]) -> Layouts:
+    """Draw ``pool_size`` random maps with ``num_zones`` discs each; the last pools asked for are kept.
 
     The rule is that of Safety-Gym: the robot first, then disc after disc, each uniform in the arena shrunk by its own
     keepout, redrawn until it keeps the sum of both keepouts from everything already placed. A layout in which an object

@@ -122,3 +122,8 @@ class ClosedFormPoint:
         forces = _forces(cos * vx + sin * vy, cos * vy - sin * vx, turn, clip_action(action))
         along, aside, _ = _solve(forces, 0.0)
         return jnp.stack([along, aside])
+
+    def step_and_acceleration(self, state: PointState, action: jax.Array) -> tuple[PointState, jax.Array]:
+        """The robot one environment step later, and its acceleration then, still under the same ``action``."""
+        after = self.step(state, action)
+        return after, self.acceleration(after, action)

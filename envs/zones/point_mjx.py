@@ -32,19 +32,41 @@ class MjxPoint:
     def step(self, state: PointState, action: jax.Array, substeps: int = SUBSTEPS) -> PointState:
         """The robot after ``substeps`` substeps of 2 ms under a held ``action`` of ``float32[2]``."""
         action = clip_action(action)
-
-        def substep(state: PointState, _: None) -> tuple[PointState, None]:
-            data = mjx.step(self._model, self._data(state, action))
-            return PointState(qpos=data.qpos.astype(jnp.float32), qvel=data.qvel.astype(jnp.float32)), None
-
-        return jax.lax.scan(substep, state, None, length=substeps)[0]
+        return jax.lax.scan(lambda state, _: (self._substep(state, action)[0], None), state, None, length=substeps)[0]
 
     def acceleration(self, state: PointState, action: jax.Array) -> jax.Array:
         """Acceleration of the body origin in the body frame, ``float32[2]`` in m/s^2, contact forces included."""
-        ax, ay, _ = mjx.forward(self._model, self._data(state, clip_action(action))).qacc.astype(jnp.float32)
-        cos, sin = jnp.cos(state.qpos[2]), jnp.sin(state.qpos[2])
-        return jnp.stack([cos * ax + sin * ay, cos * ay - sin * ax])
+        return _in_body_frame(mjx.forward(self._model, self._data(state, clip_action(action))).qacc, state)
+
+    def step_and_acceleration(self, state: PointState, action: jax.Array) -> tuple[PointState, jax.Array]:
+        """The robot one environment step later, and its acceleration then, still under the same ``action``.
+
+        A substep begins with the forward pass that gives the acceleration, so this is one substep more, whose motion is
+        dropped: the program holds MuJoCo once instead of twice and compiles in little more than half the time.
+        """
+        action = clip_action(action)
+
+        def substep(carry: tuple[PointState, PointState, jax.Array], _: None) -> tuple[tuple, None]:
+            state = carry[1]
+            return (state, *self._substep(state, action)), None
+
+        start = (state, state, jnp.zeros(3, jnp.float32))
+        (before_last, _, acceleration), _ = jax.lax.scan(substep, start, None, length=SUBSTEPS + 1)
+        return before_last, _in_body_frame(acceleration, before_last)
+
+    def _substep(self, state: PointState, action: jax.Array) -> tuple[PointState, jax.Array]:
+        """The motion 2 ms later, and ``float32[3]``, the acceleration of ``qpos`` before it."""
+        data = mjx.step(self._model, self._data(state, action))
+        after = PointState(qpos=data.qpos.astype(jnp.float32), qvel=data.qvel.astype(jnp.float32))
+        return after, data.qacc.astype(jnp.float32)
 
     def _data(self, state: PointState, action: jax.Array) -> mjx.Data:
         """MJX's state for the given motion and control."""
         return self._blank.replace(qpos=state.qpos, qvel=state.qvel, ctrl=action)
+
+
+def _in_body_frame(acceleration: jax.Array, state: PointState) -> jax.Array:
+    """An acceleration of ``qpos``, along the world's axes, along those of the robot: ``float32[2]``."""
+    ax, ay, _ = acceleration.astype(jnp.float32)
+    cos, sin = jnp.cos(state.qpos[2]), jnp.sin(state.qpos[2])
+    return jnp.stack([cos * ax + sin * ay, cos * ay - sin * ax])

@@ -94,3 +94,6 @@ class PointPhysics(Protocol):
 
     def acceleration(self, state: PointState, action: jax.Array) -> jax.Array:
         """Acceleration of the body origin in the body frame, without gravity: ``float32[2]`` in m/s^2."""
+
+    def step_and_acceleration(self, state: PointState, action: jax.Array) -> tuple[PointState, jax.Array]:
+        """The robot one environment step later, and its acceleration then, still under the same ``action``."""

@@ -5,41 +5,33 @@ Observations are 12 body sensors and 16 lidar bins per colour, 76 numbers on the
 no walls and no clock among them.
 """
 
-import dataclasses
-from typing import Literal
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
+from jax.typing import ArrayLike
 
 from envs.zones import layouts, sensors
+from envs.zones.config import ZoneConfig
 from envs.zones.point_closed_form import ClosedFormPoint
 from envs.zones.point_mjx import MjxPoint
 from envs.zones.point_robot import PointPhysics, PointState
+from envs.zones.view import make_view
 from t2tl_jax.env import Alphabet, LabelledEnv, State
-
-EPISODE_LENGTH = 1000
-"""Published limit of an episode, in environment steps. Applied outside: the environment itself never ends."""
+from t2tl_jax.view import View
 
 FAILURE_REWARD = -10.0
 """Reward of a step whose physics fails, which also ends the episode."""
 
 
-@dataclasses.dataclass(frozen=True)
-class ZoneConfig:
-    """What distinguishes one ZoneEnv from another."""
+@struct.dataclass
+class ZoneParams:
+    """The maps that a reset chooses from."""
 
-    physics: Literal["mjx", "closed_form"] = "mjx"
-    """MuJoCo MJX, the reference, or the same motion in closed form, which differs only in contact with a wall."""
-    layout: Literal["fixed", "random"] = "fixed"
-    """The published map ``Zones-25-v1``, or a new map at every reset."""
-    colours: str = ""
-    """One letter per disc of random maps (J W B G R Y C M); empty means ``JJRRWWYY``. The fixed map has its own."""
-    pool_size: int = 1024
-    """How many random maps are sampled when the environment is built; a reset picks one of them."""
-    pool_seed: int = 0
-    """Seed of that pool."""
+    starts: jax.Array | np.ndarray
+    """``float32[m, 3]``: position and heading at the start; or ``float32[m, 2]``, and the heading is drawn."""
+    zones: jax.Array | np.ndarray
+    """``float32[m, n, 2]``: disc centres in metres."""
 
 
 @struct.dataclass
@@ -66,26 +58,31 @@ class ZoneEnv(LabelledEnv):
     """One robot in one arena. Actions are ``float[2]`` in [-1, 1]: forward drive and turning rate.
 
     Args:
-        config: physics and map.
+        config: physics and maps.
 
     Raises:
-        ValueError: for unknown colours, or maps that cannot be placed or whose discs overlap.
+        ValueError: for maps that cannot be placed.
     """
 
     def __init__(self, config: ZoneConfig | None = None) -> None:
         self.config = config = config or ZoneConfig()
-        colours = _check_config(config)
+        colours = config.colour_of_each_disc
         self._physics = _make_physics(config.physics)
         present = [letter for letter in layouts.COLOURS if letter in colours]
         self._propositions = tuple(layouts.COLOURS[letter] for letter in present)
         self._label_groups = tuple(_positions(colours, letter) for letter in present)
         self._lidar_groups = tuple(_positions(colours, letter) for letter in sorted(present))
+        self.make_params(0)  # discs that do not fit are refused here
+
+    def make_params(self, seed: int, training: bool = True) -> ZoneParams:
+        """The fixed map, or a pool of random ones: another pool for every seed, and for its evaluation yet another."""
+        config = self.config
         if config.layout == "fixed":
             start, zones = np.array([layouts.FIXED_START]), np.array([layouts.FIXED_ZONES])
-        else:
-            start, zones = layouts.sample_layouts(len(colours), config.pool_size, config.pool_seed)
-        layouts.check_disjoint(zones)
-        self._starts, self._maps = start.astype(np.float32), zones.astype(np.float32)
+            return ZoneParams(starts=start.astype(np.float32), zones=zones.astype(np.float32))
+        which = (config.pool_seed, seed, int(training))
+        pool = layouts.sample_layouts(len(config.colour_of_each_disc), config.pool_size, which)
+        return ZoneParams(starts=pool.robots, zones=pool.zones)
 
     @property
     def propositions(self) -> tuple[str, ...]:
@@ -94,7 +91,7 @@ class ZoneEnv(LabelledEnv):
 
     @property
     def alphabet(self) -> Alphabet:
-        """At most one: discs never overlap, which is checked when the maps are built."""
+        """At most one: discs never overlap."""
         return "at_most_one"
 
     @property
@@ -117,41 +114,54 @@ class ZoneEnv(LabelledEnv):
         """Which physics moves the robot."""
         return self.config.physics
 
-    def reset(self, rng: jax.Array) -> State:
+    def view(self) -> View:
+        """The arena from above."""
+        return make_view(tuple(layouts.COLOURS[letter] for letter in self.config.colour_of_each_disc))
+
+    def reset(self, rng: jax.Array, params: ZoneParams | None = None) -> State:
         """A robot at rest: at the published start on the fixed map, or on a random map with a random heading."""
+        params = self.make_params(0) if params is None else params
+        starts, zones = jnp.asarray(params.starts), jnp.asarray(params.zones)
         if self.config.layout == "fixed":
-            qpos, zones = jnp.asarray(self._starts[0]), jnp.asarray(self._maps[0])
+            qpos, zones = starts[0], zones[0]
         else:
             map_key, heading_key = jax.random.split(rng)
-            index = jax.random.randint(map_key, (), 0, len(self._maps))
+            index = jax.random.randint(map_key, (), 0, len(starts))
             heading = jax.random.uniform(heading_key, (1,), jnp.float32, 0.0, 2.0 * jnp.pi)
-            qpos = jnp.concatenate([jnp.asarray(self._starts)[index], heading])
-            zones = jnp.asarray(self._maps)[index]
+            qpos, zones = jnp.concatenate([starts[index], heading]), zones[index]
         # At rest, clear of the walls and without a command nothing accelerates: a reset needs no physics.
         robot = PointState(qpos=qpos, qvel=jnp.zeros(3, jnp.float32))
         return self._first_state(robot, zones, jnp.zeros(2, jnp.float32))
 
-    def reset_to(self, qpos: jax.Array, qvel: jax.Array, zones: jax.Array | None = None) -> State:
+    def reset_to(self, qpos: ArrayLike, qvel: ArrayLike, zones: ArrayLike | None = None) -> State:
         """The state with the given motion, as if its last action had been zero.
 
         Args:
             qpos: ``float[3]`` position in metres and heading in radians.
             qvel: ``float[3]`` velocity in m/s and turning rate in rad/s.
-            zones: ``float[n, 2]`` disc centres in metres; by default the fixed map, or the first one of the pool.
-        """
-        robot = PointState(qpos=jnp.asarray(qpos, jnp.float32), qvel=jnp.asarray(qvel, jnp.float32))
-        zones = jnp.asarray(self._maps[0] if zones is None else zones, jnp.float32)
-        return self._first_state(robot, zones, self._physics.acceleration(robot, jnp.zeros(2, jnp.float32)))
+            zones: ``float[n, 2]`` disc centres in metres; by default the fixed map, or the first one of seed 0's pool.
 
-    def step(self, state: State, action: jax.Array) -> State:
-        """The state 20 ms later.
+        Raises:
+            ValueError: for discs that overlap, which the alphabet rules out. Traced `zones` cannot be checked.
+        """
+        if zones is None:
+            zones = self.make_params(0).zones[0]
+        elif not isinstance(zones, jax.core.Tracer):
+            layouts.check_disjoint(np.asarray(zones))
+        robot = PointState(qpos=jnp.asarray(qpos, jnp.float32), qvel=jnp.asarray(qvel, jnp.float32))
+        return self._first_state(
+            robot, jnp.asarray(zones, jnp.float32), self._physics.acceleration(robot, jnp.zeros(2, jnp.float32))
+        )
+
+    def step(self, state: State, action: jax.Array, params: ZoneParams | None = None) -> State:
+        """The state 20 ms later, on the map that the episode began on (`params` are not used).
 
         A physics failure (a state that is no longer finite) gives reward -10 and ends the episode; the robot is then
         left at rest where the step began, so that observations and labels stay meaningful.
         """
+        del params
         before: ZoneState = state.pipeline_state
-        robot = self._physics.step(before.robot, action)
-        acceleration = self._physics.acceleration(robot, action)
+        robot, acceleration = self._physics.step_and_acceleration(before.robot, action)
         failed = ~jnp.isfinite(jnp.concatenate([robot.qpos, robot.qvel, acceleration])).all()
         at_rest = PointState(qpos=before.qpos, qvel=jnp.zeros_like(before.qvel))
         robot = jax.tree.map(lambda safe, new: jnp.where(failed, safe, new), at_rest, robot)
@@ -191,24 +201,3 @@ def _make_physics(name: str) -> PointPhysics:
 def _positions(colours: str, letter: str) -> tuple[int, ...]:
     """Indices of the discs of one colour."""
     return tuple(i for i, colour in enumerate(colours) if colour == letter)
-
-
-def _check_config(config: ZoneConfig) -> str:
-    """The colour letters of the configured map, after checking every field."""
-    if config.physics not in ("mjx", "closed_form"):
-        raise ValueError(f"physics is {config.physics!r}; it must be 'mjx' or 'closed_form'")
-    if config.layout not in ("fixed", "random"):
-        raise ValueError(f"layout is {config.layout!r}; it must be 'fixed' or 'random'")
-    if config.layout == "fixed":
-        if config.colours not in ("", layouts.FIXED_COLOURS):
-            raise ValueError(
-                f"colours={config.colours!r} needs layout='random': the fixed map has {layouts.FIXED_COLOURS}"
-            )
-        return layouts.FIXED_COLOURS
-    if config.pool_size < 1:
-        raise ValueError(f"pool_size is {config.pool_size}; a pool needs at least one map")
-    colours = config.colours or layouts.RANDOM_COLOURS
-    unknown = sorted(set(colours) - set(layouts.COLOURS))
-    if unknown:
-        raise ValueError(f"unknown colours {', '.join(unknown)}; known are {', '.join(layouts.COLOURS)}")
-    return colours

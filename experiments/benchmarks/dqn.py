@@ -1,6 +1,6 @@
 """What learning every sub-task costs: ``python -m experiments.benchmarks.dqn``.
 
-Times the training step of DQN (act, store, one gradient step) with and without simultaneous learning on the same
+Times the training step of DQN (act, store, one gradient step) with and without counterfactual learning on the same
 machine in the same process, for tasks of 6 and of 77 rows and both heads of the Q-network.
 """
 
@@ -22,7 +22,7 @@ HEADS: tuple[Head, ...] = ("film", "bilinear")
 
 @dataclass(frozen=True)
 class Arguments:
-    """Time DQN's training step with and without simultaneous learning."""
+    """Time DQN's training step with and without counterfactual learning."""
 
     num_envs: int = 16
     """Parallel environments."""
@@ -58,15 +58,15 @@ def _report(arguments: Arguments) -> None:
     learner = DQNConfig(
         num_envs=arguments.num_envs,
         batch_size=arguments.batch_size,
-        steps_per_iteration=arguments.steps,
+        unroll_length=arguments.steps,
         learning_starts=1,
     )
     print(f"{jax.devices()[0].device_kind}, jax {jax.__version__}, {arguments.num_envs} environments, batch", end=" ")
     print(f"{arguments.batch_size}; microseconds per training step, median (minimum, maximum)")
     print(f"{'task':22} {'rows':>4} {'head':9} {'one row':>22} {'every row':>22} {'ratio':>6} {'compile':>8}")
     for (task, rows), head in itertools.product((("phi_water_6_1", 6), ("rm_water", 77)), HEADS):
-        plain, compile_plain = _time(arguments, task, rows, head, replace(learner, simultaneous=False))
-        every, compile_every = _time(arguments, task, rows, head, replace(learner, simultaneous=True))
+        plain, compile_plain = _time(arguments, task, rows, head, replace(learner, counterfactual=False))
+        every, compile_every = _time(arguments, task, rows, head, replace(learner, counterfactual=True))
         print(
             f"{task:22} {rows:4} {head:9} {_spread(plain):>22} {_spread(every):>22} "
             f"{every[len(every) // 2] / plain[len(plain) // 2]:6.2f} {compile_plain + compile_every:6.1f} s",
@@ -80,29 +80,26 @@ def _time(arguments: Arguments, task: str, rows: int, head: Head, learner: Any) 
 
     import jax
 
-    from envs.waterworld import LETTERS, WaterWorldConfig
-    from experiments.configs import Config
+    from envs.waterworld import EPISODE_LENGTH, LETTERS, WaterWorld, WaterWorldConfig
+    from t2tl_jax.agents.dqn import make_dqn
+    from t2tl_jax.ltl import compile_named
     from t2tl_jax.networks.q_network import QNetworkConfig
-    from t2tl_jax.runs.build import build
+    from t2tl_jax.task_env import TaskEnv
 
-    agent = build(
-        Config(
-            env=WaterWorldConfig(colours=LETTERS) if task.startswith("rm") else WaterWorldConfig(),
-            task=task,
-            network=QNetworkConfig(task_encoder="one_hot", one_hot_size=rows, head=head, task_layer=512),
-            ppo=None,
-            dqn=learner,
-        )
-    ).agent
+    world = WaterWorld(WaterWorldConfig(colours=LETTERS) if task.startswith("rm") else WaterWorldConfig())
+    env = TaskEnv(world, compile_named(task, world.propositions, world.alphabet))
+    network = QNetworkConfig(task_encoder="one_hot", one_hot_size=rows, head=head, task_layer=512)
+    agent = make_dqn(env, replace(learner, network=network), EPISODE_LENGTH, iterations=1 + arguments.repeats)
+    env_params = jax.device_put(env.make_params(0))
     begin = time.perf_counter()
-    init = jax.jit(agent.init).lower(jax.random.key(0)).compile()
-    state = init(jax.random.key(0))
-    iterate = jax.jit(agent.iterate, donate_argnums=0).lower(state).compile()
+    init = jax.jit(agent.init).lower(jax.random.key(0), env_params).compile()
+    state = init(jax.random.key(0), env_params)
+    iterate = jax.jit(agent.iterate, donate_argnums=0).lower(state, env_params).compile()
     compiled = time.perf_counter() - begin
     seconds = []
     for _ in range(1 + arguments.repeats):
         begin = time.perf_counter()
-        state, _ = iterate(state)
+        state, _ = iterate(state, env_params)
         jax.block_until_ready(state)
         seconds.append(time.perf_counter() - begin)
     return sorted(1e6 * second / arguments.steps for second in seconds[1:]), compiled

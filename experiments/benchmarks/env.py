@@ -43,7 +43,7 @@ class BenchmarkConfig:
     num_envs: tuple[int, ...] = (64, 8192, 65536)
     """Batch sizes to compare."""
     layout: Literal["fixed", "random"] = "fixed"
-    """The published map, or a new one at every reset."""
+    """The published map, or one of a pool at every reset."""
     steps: int = 100
     """Environment steps of one timed call."""
     repeats: int = 5
@@ -87,8 +87,7 @@ def _main(texts: list[str]) -> int:
 def resolve(config: BenchmarkConfig) -> BenchmarkConfig:
     """The same with every default filled in."""
     with quiet_imports():
-        from envs.waterworld import water_env as waterworld
-        from envs.zones import zone_env as zones
+        from envs import waterworld, zones
 
     return dataclasses.replace(
         config,
@@ -101,8 +100,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkConfig:
 
 def make_env(config: BenchmarkConfig, physics: Physics) -> Any:
     """The ``TaskEnv`` that is measured."""
-    from envs.waterworld import water_env as waterworld
-    from envs.zones import zone_env as zones
+    from envs import waterworld, zones
     from t2tl_jax.ltl import compile_tasks
     from t2tl_jax.task_env import TaskEnv
 

@@ -22,11 +22,13 @@ with quiet_imports():
     from envs.waterworld import EPISODE_LENGTH, NUM_ACTIONS, WaterWorld, WaterWorldConfig
     from envs.waterworld.scripted_player import scripted_action
     from t2tl_jax.env import State
+    from t2tl_jax.evaluation.episodes import Episodes, first_episodes
     from t2tl_jax.ltl import TaskTable, compile_tasks, resolve_task
-    from t2tl_jax.task_env import TaskEnv
+    from t2tl_jax.task_env import TaskEnv, TaskParams
+    from t2tl_jax.training.unroll import Policy
 
-Player = Callable[[State, jax.Array], jax.Array]
-"""A function of a state of the `TaskEnv` and a key that gives an action."""
+Player = Callable[[TaskParams], Policy]
+"""Who plays, by the parameters of the `TaskEnv`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,42 +79,37 @@ def colours_of_rows(table: TaskTable) -> tuple[jax.Array, jax.Array]:
     return (after != jnp.arange(table.num_rows)[:, None]) & ~avoided, avoided
 
 
-def scripted_player(table: TaskTable) -> Player:
+def scripted_player(env_params: TaskParams) -> Policy:
     """Goes for what the present row wants and keeps away from what it forbids."""
-    wanted, avoided = colours_of_rows(table)
+    wanted, avoided = colours_of_rows(env_params.table)
 
-    def act(state: State, key: jax.Array) -> jax.Array:
-        row = state.pipeline_state.row
-        return scripted_action(state.pipeline_state.env, wanted[row], avoided[row])
+    def act(carry: tuple[()], state: State, key: jax.Array) -> tuple[jax.Array, tuple[()], tuple[()]]:
+        world, row = state.pipeline_state.env, state.pipeline_state.row
+        action = jax.vmap(scripted_action, (0, None, 0, 0))(world, env_params.env, wanted[row], avoided[row])
+        return action, carry, ()
 
-    return act
+    return Policy(act)
 
 
-def random_player(state: State, key: jax.Array) -> jax.Array:
+def random_player(env_params: TaskParams) -> Policy:
     """Any action, uniformly."""
-    return jax.random.randint(key, (), 0, NUM_ACTIONS)
+    del env_params
+
+    def act(carry: tuple[()], state: State, key: jax.Array) -> tuple[jax.Array, tuple[()], tuple[()]]:
+        return jax.random.randint(key, (len(state.obs),), 0, NUM_ACTIONS), carry, ()
+
+    return Policy(act)
 
 
 def play(env: TaskEnv, player: Player, episodes: int, episode_length: int, seed: int) -> Outcome:
-    """Play whole episodes side by side, each with its own key."""
+    """Play whole episodes side by side, the first one of every environment."""
 
-    def episode(key: jax.Array) -> tuple[jax.Array, jax.Array]:
-        reset_key, action_key = jax.random.split(key)
+    def run(env_params: TaskParams, key: jax.Array) -> Episodes:
+        return first_episodes(env, player(env_params), (), env_params, key, episodes, episode_length, discount=1.0)
 
-        def step(carry: tuple[State, jax.Array], key: jax.Array) -> tuple[tuple[State, jax.Array], None]:
-            state, length = carry
-            ended = state.done > 0
-            after = env.step(state, player(state, key))
-            state = jax.tree.map(lambda old, new: jnp.where(ended, old, new), state, after)
-            return (state, length + ~ended), None
-
-        first = (env.reset(reset_key), jnp.int32(0))
-        (state, length), _ = jax.lax.scan(step, first, jax.random.split(action_key, episode_length))
-        return env.table.verdict[env.row(state)], length
-
-    verdict, length = jax.jit(jax.vmap(episode))(jax.random.split(jax.random.key(seed), episodes))
-    success, violation = float((verdict > 0).mean()), float((verdict < 0).mean())
-    return Outcome(success - violation, success, violation, float(length.mean()))
+    outcome = jax.jit(run)(env.make_params(0), jax.random.key(seed))
+    success, violation = float(outcome.success.mean()), float(outcome.violation.mean())
+    return Outcome(success - violation, success, violation, float(outcome.length.mean()))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -135,7 +132,7 @@ def report(config: ScriptConfig) -> None:
     print(f"{'task':<16} {'player':<8} {'return':>7} {'success':>8} {'violation':>10} {'steps':>7}")
     for task, table in zip(config.tasks, tables, strict=True):
         env = TaskEnv(world, table)
-        for name, player in (("random", random_player), ("script", scripted_player(table))):
+        for name, player in (("random", random_player), ("script", scripted_player)):
             result = play(env, player, config.episodes, config.episode_length, config.seed)
             print(
                 f"{task:<16} {name:<8} {result.total:>7.2f} {result.success:>8.3f} {result.violation:>10.3f} "

@@ -7,7 +7,7 @@ bottom: act, store, sample, update.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -15,34 +15,37 @@ import flashbax
 import jax
 import jax.numpy as jnp
 import optax
+from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import Memory, without_newest, without_oldest
+from t2tl_jax.networks.context import Carry, without_newest, without_oldest
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
-from t2tl_jax.task_env import Shared, TaskEnv
+from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 from t2tl_jax.training.best import keep_best
-from t2tl_jax.training.episodes import Episode, Outcome, advance, begin, by_task
 from t2tl_jax.training.optimizer import clipped_adam
-from t2tl_jax.training.types import Agent, Metrics, Params, repeated
+from t2tl_jax.training.types import Agent, LearnerConfig, Metrics, Params, repeated
+from t2tl_jax.training.unroll import Episode, Policy, Step, advance, begin, by_task, env_scalars, summed
 
 MAX_TASKS_APART = 16
 """Up to so many tasks of a table have columns of their own among the metrics."""
 
 
 @dataclass(frozen=True)
-class DQNConfig:
-    """Double DQN's constants."""
+class DQNConfig(LearnerConfig):
+    """Double DQN's network and constants."""
 
+    network: QNetworkConfig = field(default_factory=QNetworkConfig)
+    """The network of action values."""
     num_envs: int = 16
     """Parallel environments."""
-    steps_per_iteration: int = 500
+    unroll_length: int = 500
     """Steps of every environment in one iteration."""
     updates_per_step: int = 1
     """Gradient steps after every step of all environments."""
     batch_size: int = 512
-    """Transitions of one gradient step; with simultaneous learning each counts for every open row."""
+    """Transitions of one gradient step; with counterfactual learning each counts for every open row."""
     buffer_size: int = 200_000
     """Transitions that are kept."""
     learning_starts: int = 5_000
@@ -63,8 +66,9 @@ class DQNConfig:
     """Share of random actions at the end."""
     epsilon_fraction: float = 0.1
     """Share of the run over which it falls linearly."""
-    simultaneous: bool = True
-    """Learn every open row from every transition; False is plain DQN on the row that the agent was in."""
+    counterfactual: bool = True
+    """Learn every open row from every transition: the paper's simultaneous learning, CRM of the reward-machine paper.
+    False is plain DQN on the row that the agent was in."""
     double: bool = True
     """Choose the next action by the online network and value it by the target network (van Hasselt et al., 2016)."""
     printed_argmax: bool = False
@@ -73,7 +77,7 @@ class DQNConfig:
     """Treat the time limit as an end of the task instead of bootstrapping."""
 
     def __post_init__(self) -> None:
-        checks.counts(self, "num_envs", "steps_per_iteration", "updates_per_step", "batch_size", "buffer_size")
+        checks.counts(self, "num_envs", "unroll_length", "updates_per_step", "batch_size", "buffer_size")
         checks.counts(self, "target_period")
         checks.counts(self, "learning_starts", least=0)
         checks.shares(self, "discount", "epsilon_start", "epsilon_end")
@@ -90,7 +94,13 @@ class DQNConfig:
     @property
     def frames_per_iteration(self) -> int:
         """Environment steps in one iteration."""
-        return self.num_envs * self.steps_per_iteration
+        return self.num_envs * self.unroll_length
+
+    @property
+    def max_frames(self) -> int:
+        """Steps of all environments are counted (for `learning_starts`), and gradient steps (for `target_period`)."""
+        counted = self.unroll_length * max(self.num_envs, self.updates_per_step)
+        return checks.COUNTER_LIMIT // counted * self.frames_per_iteration
 
 
 @struct.dataclass
@@ -103,7 +113,7 @@ class Transition:
     row: jax.Array  # int32
     shared: Shared  # the letter of s', and what the environment itself paid and ended
     cut: jax.Array  # bool, ended by the time limit
-    steps: Memory = ()  # with context: the window that the policy acted on and, in one slot more, this step
+    steps: Carry = ()  # with context: the window that the policy acted on and, in one slot more, this step
 
 
 @struct.dataclass
@@ -115,7 +125,7 @@ class DQNState:
     target_embedding: jax.Array  # float32[rows, dim], the rows encoded by the target network
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
-    memory: Memory  # the context window of every environment, leading axis [N]; () without context
+    carry: Carry  # the context window of every environment, leading axis [N]; () without context
     buffer: Any  # flashbax's state
     key: jax.Array
     iteration: jax.Array  # int32
@@ -129,7 +139,7 @@ def epsilon(config: DQNConfig, progress: jax.Array) -> jax.Array:
     return config.epsilon_start + share * (config.epsilon_end - config.epsilon_start)
 
 
-def bellman(
+def td_target(
     config: DQNConfig,
     table: TaskTable,
     next_row: jax.Array,
@@ -139,7 +149,7 @@ def bellman(
     shared: Shared,
     cut: jax.Array,
 ) -> jax.Array:
-    """Regression targets, float32[B, R], for R rows of every transition.
+    """What Q should be, float32[B, R], for R rows of every transition.
 
     next_row, reward: where each row's formula goes and what that pays, [B, R]; chooser, target: Q at s' that choose the
     action and value it, float32[B, R, actions]; shared [B]; cut: bool[B].
@@ -151,10 +161,10 @@ def bellman(
     return shared.reward[:, None] + reward + config.discount * jnp.where(ended, 0.0, value)
 
 
-def targets(
+def td_targets(
     config: DQNConfig, table: TaskTable, online: jax.Array, target: jax.Array, shared: Shared, cut: jax.Array
 ) -> jax.Array:
-    """Regression targets of every row for every transition, float32[B, rows].
+    """What Q should be in every row for every transition, float32[B, rows].
 
     online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; shared [B]; cut bool[B].
     """
@@ -162,7 +172,7 @@ def targets(
     at_next = partial(jnp.take_along_axis, indices=next_row[..., None], axis=1)  # [B, rows, A], row u reads row u'
     chooser = online if config.double else target
     chooser = chooser if config.printed_argmax else at_next(chooser)
-    return bellman(config, table, next_row, reward, chooser, at_next(target), shared, cut)
+    return td_target(config, table, next_row, reward, chooser, at_next(target), shared, cut)
 
 
 def dqn_loss(
@@ -181,13 +191,13 @@ def dqn_loss(
     """
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
     before, after = without_newest(batch.steps), without_oldest(batch.steps)  # the windows at s and at s'
-    if config.simultaneous:
+    if config.counterfactual:
         # s and s' go through the online network together: half as many kernels, and small batches are bound by latency.
         states, windows = jax.tree.map(lambda *x: jnp.concatenate(x), (batch.obs, before), (batch.next_obs, after))
         both = apply(params, states, embedding, windows, method="every_row")
         q, online = jnp.split(both, 2)  # [B, rows, A]
         target = apply(target_params, batch.next_obs, target_embedding, after, method="every_row")
-        goal = targets(config, table, online, target, batch.shared, batch.cut)
+        goal = td_targets(config, table, online, target, batch.shared, batch.cut)
         learns = jnp.broadcast_to(table.is_open, goal.shape)
     else:
         next_row, reward = table.step(batch.row, batch.shared.letter)  # [B]
@@ -199,7 +209,7 @@ def dqn_loss(
             chooser = apply(which, batch.next_obs, coded, row, after)[:, None]
         else:
             chooser = target
-        goal = bellman(config, table, next_row[:, None], reward[:, None], chooser, target, batch.shared, batch.cut)
+        goal = td_target(config, table, next_row[:, None], reward[:, None], chooser, target, batch.shared, batch.cut)
         learns = jnp.ones_like(goal, bool)
 
     taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows] or [B, 1]
@@ -208,40 +218,38 @@ def dqn_loss(
     return loss, {"loss": loss, "q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}
 
 
-def make_dqn(
-    env: TaskEnv, network_config: QNetworkConfig, config: DQNConfig, episode_length: int, iterations: int
-) -> Agent:
+def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: int) -> Agent:
     """The learner for one seed. `iterations` is the length of the run, which the epsilon schedule refers to."""
     if env.num_actions is None:
         raise ValueError("DQN needs discrete actions, and this environment's are continuous; use PPO")
-    table, num_actions = env.table, env.num_actions
-    network = QNetwork(network_config, num_actions)
+    num_actions = env.num_actions
+    network = QNetwork(config.network, num_actions)
     apply: Callable[..., Any] = network.apply  # as in dqn_loss
-    begin_memory = partial(network.begin, env.observation_size)
+    begin_carry = partial(network.begin, env.observation_size)
     remember = partial(apply, method="remember")
-    gradient_steps = iterations * config.steps_per_iteration * config.updates_per_step
+    total_steps = iterations * config.unroll_length
+    gradient_steps = total_steps * config.updates_per_step
     optimizer = clipped_adam(
         config.learning_rate, config.max_gradient_norm, gradient_steps, anneal=config.anneal_learning_rate
     )
     replay = flashbax.make_item_buffer(
         config.buffer_size, min_length=1, sample_batch_size=config.batch_size, add_batches=True
     )
-    total_steps = iterations * config.steps_per_iteration
 
-    def embed(params: Params) -> jax.Array:
+    def embed(params: Params, table: TaskTable) -> jax.Array:
         return apply(params, table, method="embed")
 
     def choose(
         params: Params,
         embedding: jax.Array,
-        memory: Memory,
+        carry: Carry,
         obs: jax.Array,
         row: jax.Array,
         key: jax.Array,
         share: jax.Array | float,
     ) -> jax.Array:
-        obs, memory = jax.tree.map(lambda x: x.reshape(-1, *x.shape[row.ndim :]), (obs, memory))
-        q = apply(params, obs, embedding, row.reshape(-1), memory)
+        obs, carry = jax.tree.map(lambda x: x.reshape(-1, *x.shape[row.ndim :]), (obs, carry))
+        q = apply(params, obs, embedding, row.reshape(-1), carry)
         greedy = q.argmax(axis=-1).astype(jnp.int32).reshape(row.shape)
         which_key, action_key = jax.random.split(key)
         random = jax.random.randint(action_key, greedy.shape, 0, num_actions)
@@ -250,41 +258,45 @@ def make_dqn(
     def act(
         params: Params,
         embedding: jax.Array,
-        memory: Memory,
+        carry: Carry,
         obs: jax.Array,
         row: jax.Array,
         key: jax.Array,
         deterministic: bool,
     ) -> jax.Array:
-        return choose(params, embedding, memory, obs, row, key, 0.0 if deterministic else config.epsilon_end)
+        return choose(params, embedding, carry, obs, row, key, 0.0 if deterministic else config.epsilon_end)
 
     def compare(
-        params: Params, memory: Memory, obs: jax.Array, task: jax.Array, other: jax.Array
+        params: Params, carry: Carry, obs: jax.Array, task: jax.Array, other: jax.Array
     ) -> tuple[jax.Array, jax.Array]:
-        q = apply(params, obs, jnp.stack([task, other]), memory, method="every_row")  # [B, 2, A]
+        q = apply(params, obs, jnp.stack([task, other]), carry, method="every_row")  # [B, 2, A]
         action, value = q.argmax(axis=-1), q.max(axis=-1)
         return (action[:, 0] != action[:, 1]).astype(jnp.float32), value[:, 1] - value[:, 0]
 
-    def init(key: jax.Array) -> DQNState:
-        params_key, episodes_key, limit_key, key = jax.random.split(key, 4)
-        # The first episodes are cut at random lengths, so that parallel environments do not reset in step.
-        limits = jax.random.randint(limit_key, (config.num_envs,), 1, episode_length + 1)
-        limits = limits if config.num_envs > 1 else jnp.full(1, episode_length)
-        keys = jax.random.split(episodes_key, config.num_envs)
-        episodes = jax.vmap(partial(begin, env))(keys, limits, jnp.arange(config.num_envs))
-        memory = repeated(begin_memory(), config.num_envs)
-        params = network.init(params_key, table, episodes.state.obs, memory, method="initialise")
+    def map_params(state: DQNState, function: Callable[[Params], Params]) -> DQNState:
+        return replace(
+            state,
+            params=function(state.params),
+            best_params=function(state.best_params),
+            target_params=function(state.target_params),
+        )
+
+    def init(key: jax.Array, env_params: TaskParams) -> DQNState:
+        params_key, episodes_key, key = jax.random.split(key, 3)
+        episodes = begin(env, env_params, episodes_key, config.num_envs, episode_length, staggered=config.num_envs > 1)
+        carry = repeated(begin_carry(), config.num_envs)
+        params = network.init(params_key, env_params.table, episodes.state.obs, carry, method="initialise")
         obs = episodes.state.obs[0]
-        steps = apply(params, begin_memory(), obs, jnp.int32(0), jnp.float32(0), method="extend")
+        steps = apply(params, begin_carry(), obs, jnp.int32(0), jnp.float32(0), method="extend")
         nothing = Shared(letter=jnp.int32(0), reward=jnp.float32(0), ended=jnp.bool_(False))
         blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), nothing, jnp.bool_(False), steps)
         return DQNState(
             params=params,
             target_params=params,
-            target_embedding=embed(params),
+            target_embedding=embed(params, env_params.table),
             opt_state=optimizer.init(params),
             episodes=episodes,
-            memory=memory,
+            carry=carry,
             buffer=replay.init(blank),
             key=key,
             iteration=jnp.int32(0),
@@ -292,28 +304,42 @@ def make_dqn(
             best_score=jnp.float32(-jnp.inf),
         )
 
-    def interact(state: DQNState, embedding: jax.Array, step: jax.Array, key: jax.Array) -> tuple[DQNState, Outcome]:
+    def interact(
+        state: DQNState, env_params: TaskParams, embedding: jax.Array, step: jax.Array, key: jax.Array
+    ) -> tuple[DQNState, Step]:
         """One step of all environments, stored."""
-        act_key, reset_key = jax.random.split(key)
-        obs, row = state.episodes.state.obs, state.episodes.state.pipeline_state.row
-        action = choose(state.params, embedding, state.memory, obs, row, act_key, epsilon(config, step / total_steps))
-        outcome: Outcome
-        episodes, outcome = jax.vmap(advance, (None, 0, 0, 0, None, None))(
-            env, state.episodes, action, jax.random.split(reset_key, config.num_envs), episode_length, config.discount
-        )
-        steps = apply(state.params, state.memory, obs, action, outcome.reward, method="extend")
-        stored = Transition(obs, action, outcome.next_obs, row, outcome.shared, outcome.truncated, steps)
-        memory = network.next_episode(without_oldest(steps), outcome.terminated | outcome.truncated)
-        return replace(state, episodes=episodes, memory=memory, buffer=replay.add(state.buffer, stored)), outcome
 
-    def encode(state: DQNState, fixed: jax.Array | None, count: jax.Array) -> tuple[DQNState, jax.Array, Callable]:
+        def explore(carry: Carry, now: State, key: jax.Array) -> tuple[jax.Array, Carry, tuple[()]]:
+            share = epsilon(config, step / total_steps)
+            return choose(state.params, embedding, carry, now.obs, env.row(now), key, share), carry, ()
+
+        def observe(carry: Carry, now: State, action: jax.Array, reward: jax.Array, ended: jax.Array) -> Carry:
+            return network.next_episode(remember(state.params, carry, now.obs, action, reward), ended)
+
+        episodes, carry, done = advance(
+            env,
+            env_params,
+            Policy(explore, observe),
+            state.episodes,
+            state.carry,
+            key,
+            episode_length,
+            config.discount,
+        )
+        steps = apply(state.params, done.carry, done.obs, done.action, done.reward, method="extend")
+        stored = Transition(done.obs, done.action, done.state.obs, done.row, done.shared, done.truncated, steps)
+        return replace(state, episodes=episodes, carry=carry, buffer=replay.add(state.buffer, stored)), done
+
+    def encode(
+        state: DQNState, table: TaskTable, fixed: jax.Array | None, count: jax.Array
+    ) -> tuple[DQNState, jax.Array, Callable]:
         """The rows of the table, encoded once for acting, learning and the target's copy, which comes every so often.
 
         `fixed` is what a frozen encoder makes of them, at every step alike; None for one that learns. Also returns the
         way back from a gradient of the embedding to one of the parameters.
         """
         if fixed is None:
-            embedding, pullback = jax.vjp(embed, state.params)
+            embedding, pullback = jax.vjp(lambda params: embed(params, table), state.params)
         else:
             embedding, pullback = fixed, lambda _: (optax.tree.zeros_like(state.params),)
         target_params, target_embedding = optax.periodic_update(
@@ -321,7 +347,14 @@ def make_dqn(
         )
         return replace(state, target_params=target_params, target_embedding=target_embedding), embedding, pullback
 
-    def update(state: DQNState, embedding: jax.Array, pullback: Callable, ready: jax.Array, key: jax.Array):
+    def update(
+        state: DQNState,
+        table: TaskTable,
+        embedding: jax.Array,
+        pullback: Callable,
+        ready: jax.Array,
+        key: jax.Array,
+    ) -> tuple[DQNState, dict[str, jax.Array]]:
         """One gradient step on a sampled batch.
 
         Until it is `ready` nothing moves. To choose between old and new parameters would read and write all of them at
@@ -343,38 +376,40 @@ def make_dqn(
         )
         return replace(state, params=optax.apply_updates(state.params, updates), opt_state=opt_state), scalars
 
-    def iterate(state: DQNState) -> tuple[DQNState, Metrics]:
+    def iterate(state: DQNState, env_params: TaskParams) -> tuple[DQNState, Metrics]:
+        table = env_params.table
         key, scan_key = jax.random.split(state.key)
-        first = state.iteration * config.steps_per_iteration
-        fixed = embed(state.params) if network_config.freeze_task_encoder else None
+        first = state.iteration * config.unroll_length
+        fixed = embed(state.params, table) if config.network.freeze_task_encoder else None
 
         def one_step(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
             step, key = inputs
             act_key, *update_keys = jax.random.split(key, 1 + config.updates_per_step)
             count = step * config.updates_per_step  # of gradient steps, from which the target's copies are timed
-            state, embedding, pullback = encode(state, fixed, count)
+            state, embedding, pullback = encode(state, table, fixed, count)
 
             # ACT
-            state, outcome = interact(state, embedding, step, act_key)
+            state, done = interact(state, env_params, embedding, step, act_key)
 
             # UPDATE
             ready = (step + 1) * config.num_envs > config.learning_starts
             for i, update_key in enumerate(update_keys):
                 if i > 0:
-                    state, embedding, pullback = encode(state, fixed, count + i)
-                state, scalars = update(state, embedding, pullback, ready, update_key)
-            return state, (outcome.totals, outcome.task, outcome.score, scalars)
+                    state, embedding, pullback = encode(state, table, fixed, count + i)
+                state, scalars = update(state, table, embedding, pullback, ready, update_key)
+            kept = done.totals, done.state.metrics, (done.task, done.total / done.elapsed)
+            return state, (kept, scalars)
 
-        steps = first + jnp.arange(config.steps_per_iteration)
+        steps = first + jnp.arange(config.unroll_length)
         params_before = state.params
-        state, (ended, task, score, scalars) = jax.lax.scan(
-            one_step, state, (steps, jax.random.split(scan_key, config.steps_per_iteration))
+        state, ((totals, env_metrics, scores), scalars) = jax.lax.scan(
+            one_step, state, (steps, jax.random.split(scan_key, config.unroll_length))
         )
-        totals = jax.tree.map(jnp.sum, ended)
-        scalars = jax.tree.map(jnp.mean, scalars)
+        scalars = jax.tree.map(jnp.mean, scalars) | env_scalars(env_metrics)
         scalars["epsilon"] = epsilon(config, first / total_steps)
         if 1 < table.num_tasks <= MAX_TASKS_APART:
-            scalars |= by_task(ended, task, score, table.num_tasks)
+            scalars |= by_task(totals.episodes, *scores, table.num_tasks)
+        totals = summed(totals)
 
         # Episodes of an iteration are played by parameters between those before and after it; credit the former.
         best_params, best_score = keep_best(params_before, totals, state.best_params, state.best_score)
@@ -392,7 +427,8 @@ def make_dqn(
         embed=embed,
         act=act,
         frames_per_iteration=config.frames_per_iteration,
-        begin=begin_memory,
+        begin=begin_carry,
         remember=remember,
         compare=compare,
+        map_params=map_params,
     )

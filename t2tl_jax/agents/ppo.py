@@ -5,39 +5,42 @@ iteration is one pure function of the training state.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import optax
+from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.context import Memory
-from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.networks.context import Carry, Segment, Window
+from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training.advantages import generalised_advantages
 from t2tl_jax.training.best import keep_best
-from t2tl_jax.training.episodes import Episode, Outcome, begin
 from t2tl_jax.training.optimizer import clipped_adam
-from t2tl_jax.training.rollout import Transitions, generalised_advantages, rollout
-from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics, Params, repeated
+from t2tl_jax.training.types import Agent, EpisodeTotals, LearnerConfig, Metrics, Params, repeated
+from t2tl_jax.training.unroll import Episode, Policy, Step, begin, env_scalars, summed, unroll
 
 
 @dataclass(frozen=True)
-class PPOConfig:
-    """PPO's constants. The defaults were tuned on `phi_zone`; the published ones make up `zone_ppo_published`."""
+class PPOConfig(LearnerConfig):
+    """PPO's networks and constants. The defaults were tuned on `phi_zone`; `zone_ppo_published` has the paper's."""
 
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    """Actor and critic."""
     num_envs: int = 2048
     """Parallel environments."""
-    rollout_steps: int = 64
+    unroll_length: int = 64
     """Steps of every environment in one iteration."""
     epochs: int = 4
     """Passes over the rollout in one iteration."""
     minibatch_size: int = 8192
-    """Samples of one gradient step; must divide num_envs x rollout_steps."""
+    """Samples of one gradient step; must divide num_envs x unroll_length."""
     discount: float = 0.998
     """Discount factor gamma."""
     gae_lambda: float = 0.97
@@ -48,7 +51,7 @@ class PPOConfig:
     """Decay the learning rate linearly to zero over the run."""
     adam_epsilon: float = 1e-8
     """Epsilon of Adam."""
-    clip: float = 0.2
+    clip_eps: float = 0.2
     """Clipping range of the probability ratio and of the value."""
     clip_value: bool = True
     """Clip the value loss around the old value (the larger of the two squared errors counts)."""
@@ -71,25 +74,42 @@ class PPOConfig:
     """Cut the very first episode of each environment at a random length, so that resets do not come in step."""
 
     def __post_init__(self) -> None:
-        checks.counts(self, "num_envs", "rollout_steps", "epochs", "minibatch_size", "batch_size")
+        checks.counts(self, "num_envs", "unroll_length", "epochs", "minibatch_size", "batch_size")
         checks.shares(self, "discount", "gae_lambda")
-        checks.positive(self, "adam_epsilon", "clip", "noise_decay", "max_gradient_norm")
+        checks.positive(self, "adam_epsilon", "clip_eps", "noise_decay", "max_gradient_norm")
         checks.not_negative(self, "learning_rate", "value_coefficient", "entropy_coefficient", "noise_time")
         if self.batch_size % self.minibatch_size:
             raise ValueError(
-                f"minibatch_size must divide num_envs x rollout_steps = {self.num_envs} x {self.rollout_steps} = "
+                f"minibatch_size must divide num_envs x unroll_length = {self.num_envs} x {self.unroll_length} = "
                 f"{self.batch_size}, got minibatch_size={self.minibatch_size}"
             )
+        for name, size in (("unroll_length", self.unroll_length), ("minibatch_size", self.minibatch_size)):
+            if size % self.segment_length:
+                raise ValueError(
+                    f"network.context.segment_length must divide {name}, got segment_length={self.segment_length} and "
+                    f"{name}={size}; 1 fits always"
+                )
 
     @property
     def frames_per_iteration(self) -> int:
         """Environment steps in one iteration."""
-        return self.num_envs * self.rollout_steps
+        return self.num_envs * self.unroll_length
+
+    @property
+    def max_frames(self) -> int:
+        """Iterations are counted, and gradient steps where their size is annealed."""
+        counted = self.epochs * self.num_minibatches if self.anneal_learning_rate else 1
+        return checks.COUNTER_LIMIT // counted * self.frames_per_iteration
 
     @property
     def batch_size(self) -> int:
         """Samples of one epoch, which are all steps of the iteration."""
         return self.frames_per_iteration
+
+    @property
+    def segment_length(self) -> int:
+        """Successive steps that stay together in the minibatches; 1 without context."""
+        return 1 if self.network.context is None else self.network.context.segment_length
 
     @property
     def num_minibatches(self) -> int:
@@ -105,17 +125,32 @@ class PPOState:
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
     noise: jax.Array | None  # float32[N, A], the last exploration noise (unit variance); None for discrete actions
-    memory: Memory  # the context window of every environment, leading axis [N]; () without context
+    carry: Carry  # the context window of every environment, leading axis [N]; () without context
     key: jax.Array
     iteration: jax.Array  # int32
     best_params: Params
     best_score: jax.Array  # float32, discounted return of the best rollout so far
-    table: TaskTable | None = None  # the current tasks, where they change during training; else they are a constant
+
+
+@struct.dataclass
+class Transitions:
+    """A rollout of T steps in N environments; every array leads with [T, N], those of the carry excepted."""
+
+    obs: jax.Array  # float32[T, N, O]
+    row: jax.Array  # int32[T, N]
+    action: jax.Array  # [T, N, A]
+    log_prob: jax.Array  # float32[T, N], of the action under the policy that took it
+    reward: jax.Array  # float32[T, N]
+    terminated: jax.Array  # bool[T, N]
+    truncated: jax.Array  # bool[T, N]
+    next_obs: jax.Array  # float32[T, N, O], of s' before any reset
+    next_row: jax.Array  # int32[T, N]
+    carry: Carry  # the window that acted at the first step of every segment, leading axes [T / S, N]
 
 
 @struct.dataclass
 class Batch:
-    """Samples of a rollout, flattened to [B]."""
+    """Samples of a rollout in segments of S successive steps, [B / S, S]; S is 1 without context."""
 
     obs: jax.Array
     row: jax.Array
@@ -123,10 +158,11 @@ class Batch:
     log_prob: jax.Array
     value: jax.Array
     advantage: jax.Array
-    memory: Memory = ()  # the window that acted
+    carry: Segment | tuple[()] = ()  # the windows that acted
 
 
-Known = tuple[jax.Array | None, Memory]  # what acting carries from step to step: exploration noise and context window
+# What acting takes from step to step: exploration noise, the context window, and the same window as it is read.
+Known = tuple[jax.Array | None, Carry, Carry]
 
 
 def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
@@ -138,20 +174,20 @@ def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
 def ppo_loss(
     config: PPOConfig, network: ActorCritic, params: Params, task: jax.Array, batch: Batch
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
-    """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [B, dim]."""
+    """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [..., dim]."""
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
-    distribution, value = apply(params, batch.obs, task, batch.memory)
+    distribution, value = apply(params, batch.obs, task, batch.carry)
     ratio = jnp.exp(distribution.log_prob(batch.action) - batch.log_prob)
     advantage = batch.advantage
     if config.normalise_advantage:
         advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
-    clipped_ratio = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
+    clipped_ratio = jnp.clip(ratio, 1 - config.clip_eps, 1 + config.clip_eps)
     policy_loss = -jnp.minimum(ratio * advantage, clipped_ratio * advantage).mean()
 
     target = batch.value + batch.advantage
     value_error = jnp.square(value - target)
     if config.clip_value:
-        clipped_value = batch.value + jnp.clip(value - batch.value, -config.clip, config.clip)
+        clipped_value = batch.value + jnp.clip(value - batch.value, -config.clip_eps, config.clip_eps)
         value_error = jnp.maximum(value_error, jnp.square(clipped_value - target))
     value_loss = value_error.mean()
 
@@ -162,28 +198,22 @@ def ppo_loss(
         "value_loss": value_loss,
         "entropy": entropy,
         "value": value.mean(),
-        "clip_fraction": (jnp.abs(ratio - 1) > config.clip).mean(),
+        "clip_fraction": (jnp.abs(ratio - 1) > config.clip_eps).mean(),
         "kl": (ratio - 1 - jnp.log(ratio)).mean(),
     }
 
 
-def make_ppo(
-    env: TaskEnv,
-    network_config: NetworkConfig,
-    config: PPOConfig,
-    episode_length: int,
-    iterations: int,
-    renewable: bool = False,
-) -> Agent:
-    """The learner for one seed.
-
-    `iterations` is the length of the run, which schedules refer to. With `renewable`, the table that is trained on is
-    part of the state: that of `env` until `renew` puts another one in its place. `embed` always encodes that of `env`.
-    """
-    context, discrete = network_config.context, env.num_actions is not None
-    network = ActorCritic(network_config, env.num_actions or env.action_size, discrete)
+def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: int) -> Agent:
+    """The learner for one seed. `iterations` is the length of the run, which schedules refer to."""
+    context, discrete = config.network.context, env.num_actions is not None
+    network = ActorCritic(config.network, env.num_actions or env.action_size, discrete)
     apply: Callable[..., Any] = network.apply  # as in ppo_loss
-    begin_memory = partial(network.begin, env.observation_size)
+    # Parameters stand still while acting, so what was seen is embedded once and not at every step that remembers it.
+    as_seen = None if context is None else replace(context, recompute=False)
+    actor: Callable[..., Any] = ActorCritic(
+        replace(config.network, context=as_seen), network.action_size, discrete
+    ).apply
+    begin_carry = partial(network.begin, env.observation_size)
     remember = partial(apply, method="remember")
     gradient_steps = iterations * config.epochs * config.num_minibatches
     optimizer = clipped_adam(
@@ -194,132 +224,194 @@ def make_ppo(
         epsilon=config.adam_epsilon,
     )
 
-    def world_of(state: PPOState) -> TaskEnv:
-        """The environment with the tasks that are trained on."""
-        return env if state.table is None else env.with_table(state.table)
-
-    def embed(params: Params, table: TaskTable = env.table) -> jax.Array:
+    def embed(params: Params, table: TaskTable) -> jax.Array:
         return apply(params, table, method="embed")
 
     def act(
         params: Params,
         embedding: jax.Array,
-        memory: Memory,
+        carry: Carry,
         obs: jax.Array,
         row: jax.Array,
         key: jax.Array,
         deterministic: bool,
     ) -> jax.Array:
-        distribution = apply(params, obs, embedding[row], memory, method="policy")
+        distribution = apply(params, obs, embedding[row], carry, method="policy")
         return distribution.mode() if deterministic else distribution.sample(key)[0]
 
     def compare(
-        params: Params, memory: Memory, obs: jax.Array, task: jax.Array, other: jax.Array
+        params: Params, carry: Carry, obs: jax.Array, task: jax.Array, other: jax.Array
     ) -> tuple[jax.Array, jax.Array]:
         (policy, value), (other_policy, other_value) = (
-            apply(params, obs, jnp.broadcast_to(code, (len(obs), *code.shape)), memory) for code in (task, other)
+            apply(params, obs, jnp.broadcast_to(code, (len(obs), *code.shape)), carry) for code in (task, other)
         )
         return policy.kl(other_policy), other_value - value
 
-    def begin_all(world: TaskEnv, key: jax.Array, limit_key: jax.Array) -> Episode:
-        keys = jax.random.split(key, config.num_envs)
-        limits = jnp.full(config.num_envs, episode_length)
-        if config.staggered_start:
-            limits = jax.random.randint(limit_key, (config.num_envs,), 1, episode_length + 1)
-        return jax.vmap(partial(begin, world))(keys, limits, jnp.arange(config.num_envs))
+    def begin_all(env_params: TaskParams, key: jax.Array) -> Episode:
+        return begin(env, env_params, key, config.num_envs, episode_length, config.staggered_start)
 
-    def init(key: jax.Array) -> PPOState:
-        params_key, episodes_key, limit_key, noise_key, key = jax.random.split(key, 5)
-        episodes = begin_all(env, episodes_key, limit_key)
-        memory = repeated(begin_memory(), config.num_envs)
-        params = network.init(
-            params_key, env.table, episodes.state.obs, episodes.state.pipeline_state.row, memory, method="initialise"
-        )
+    def init(key: jax.Array, env_params: TaskParams) -> PPOState:
+        params_key, episodes_key, noise_key, key = jax.random.split(key, 4)
+        episodes = begin_all(env_params, episodes_key)
+        carry = repeated(begin_carry(), config.num_envs)
+        obs, row = episodes.state.obs, env.row(episodes.state)
+        params = network.init(params_key, env_params.table, obs, row, carry, method="initialise")
         return PPOState(
             params=params,
             opt_state=optimizer.init(params),
             episodes=episodes,
             noise=None if discrete else jax.random.normal(noise_key, (config.num_envs, env.action_size)),
-            memory=memory,
+            carry=carry,
             key=key,
             iteration=jnp.int32(0),
             best_params=params,
             best_score=jnp.float32(-jnp.inf),
-            table=env.table if renewable else None,
         )
 
-    def renew(state: PPOState, table: TaskTable) -> PPOState:
+    def restart(state: PPOState, env_params: TaskParams) -> PPOState:
         """Episodes under way are dropped: their rows mean nothing in the new table. So do scores on other tasks."""
-        episodes_key, limit_key, key = jax.random.split(state.key, 3)
-        episodes = begin_all(env.with_table(table), episodes_key, limit_key)
-        memory = network.next_episode(state.memory, jnp.ones(config.num_envs, bool))
-        return replace(state, episodes=episodes, memory=memory, key=key, best_score=jnp.float32(-jnp.inf), table=table)
+        episodes_key, key = jax.random.split(state.key)
+        return replace(
+            state,
+            episodes=begin_all(env_params, episodes_key),
+            carry=network.next_episode(state.carry, jnp.ones(config.num_envs, bool)),
+            key=key,
+            best_score=jnp.float32(-jnp.inf),
+        )
 
-    def collect(world: TaskEnv, state: PPOState, key: jax.Array) -> tuple[Known, Episode, Transitions, EpisodeTotals]:
-        embedding = embed(state.params, world.table)
+    def collect(
+        state: PPOState, env_params: TaskParams, key: jax.Array
+    ) -> tuple[Known, Episode, Transitions, EpisodeTotals, dict[str, jax.Array]]:
+        embedding = embed(state.params, env_params.table)
         correlation = noise_correlation(config, state.iteration / iterations)
 
-        def policy(known: Known, obs: jax.Array, row: jax.Array, key: jax.Array):
-            noise, memory = known
-            distribution = apply(state.params, obs, embedding[row], memory, method="policy")
+        def explore(known: Known, now: State, key: jax.Array) -> tuple[jax.Array, Known, jax.Array]:
+            noise, carry, window = known
+            distribution = actor(state.params, now.obs, embedding[env.row(now)], window, method="policy")
             # White noise on this bang-bang robot averages out within a metre; noise that persists carries it along.
             # Every action by itself still has the policy's distribution, whose density the loss uses.
             action, noise = distribution.sample(key, noise, correlation)
-            return (noise, memory), action, distribution.log_prob(action)
+            return action, (noise, carry, window), distribution.log_prob(action)
 
-        def go_on(known: Known, obs: jax.Array, action: jax.Array, outcome: Outcome) -> Known:
-            noise, memory = known
-            memory = remember(state.params, memory, obs, action, outcome.reward)
-            return noise, network.next_episode(memory, outcome.terminated | outcome.truncated)
+        def observe(known: Known, now: State, action: jax.Array, reward: jax.Array, ended: jax.Array) -> Known:
+            noise, carry, window = known
+            step = now.obs, action, reward
+            carry = network.next_episode(remember(state.params, carry, *step), ended)
+            window = network.next_episode(actor(state.params, window, *step, method="remember"), ended)
+            return noise, carry, window
 
-        return rollout(
-            world,
-            policy,
-            (state.noise, state.memory),
-            state.episodes,
-            key,
-            config.rollout_steps,
-            episode_length,
-            config.discount,
-            go_on,
-        )
+        def keep(step: Step) -> tuple[Transitions, EpisodeTotals, dict[str, jax.Array]]:
+            transition = Transitions(
+                obs=step.obs,
+                row=step.row,
+                action=step.action,
+                log_prob=step.extras,
+                reward=step.reward,
+                terminated=step.terminated,
+                truncated=step.truncated,
+                next_obs=step.state.obs,
+                next_row=env.row(step.state),
+                carry=(),
+            )
+            return transition, step.totals, step.state.metrics
+
+        # The window, which is large, is kept once a segment; without context there is none, and all is one stretch.
+        stretch = config.unroll_length if context is None else config.segment_length
+
+        def one_stretch(before: tuple[Episode, Known], key: jax.Array) -> tuple[tuple[Episode, Known], Any]:
+            episodes, known = before
+            episodes, after, kept = unroll(
+                env,
+                env_params,
+                Policy(explore, observe),
+                episodes,
+                known,
+                key,
+                stretch,
+                episode_length,
+                config.discount,
+                keep,
+            )
+            _, carry, _ = known
+            return (episodes, after), (carry, kept)
+
+        known = state.noise, state.carry, embedded(state.params, state.carry)
+        keys = jax.random.split(key, config.unroll_length // stretch)
+        (episodes, known), (carry, kept) = jax.lax.scan(one_stretch, (state.episodes, known), keys)
+        transitions, totals, env_metrics = kept
+        transitions = jax.tree.map(lambda x: x.reshape(config.unroll_length, *x.shape[2:]), transitions)
+        return known, episodes, replace(transitions, carry=carry), summed(totals), env_scalars(env_metrics)
+
+    def embedded(params: Params, carry: Carry) -> Carry:
+        """The window with embeddings of what was seen in it."""
+        if not isinstance(carry, Window) or context is None or not context.recompute:
+            return carry
+        return replace(carry, seen=apply(params, carry.seen, method="see"))
+
+    def in_segments(x: jax.Array) -> jax.Array:
+        """[T, N, ...] -> [T / S x N, S, ...]."""
+        segments = config.unroll_length // config.segment_length  # sizes are written out: an observation may have none
+        x = x.reshape(segments, config.segment_length, *x.shape[1:])
+        return jnp.moveaxis(x, 1, 2).reshape(segments * config.num_envs, config.segment_length, *x.shape[3:])
+
+    def by_time(x: jax.Array) -> jax.Array:
+        """[T / S x N, S] or these in several parts -> [T, N]."""
+        x = x.reshape(-1, config.num_envs, config.segment_length)
+        return jnp.moveaxis(x, 2, 1).reshape(config.unroll_length, config.num_envs)
+
+    def segments_of(params: Params, transitions: Transitions) -> Segment | tuple[()]:
+        """The segments of a rollout, [T / S x N], without their observations where these are embedded anew."""
+        if context is None:
+            return ()
+        ended = transitions.terminated | transitions.truncated
+        action, reward, ended = (in_segments(x) for x in (transitions.action, transitions.reward, ended))
+        # The same numbers as when acting: from the same parameters.
+        seen = None if context.recompute else apply(params, in_segments(transitions.obs), method="see")
+        start = jax.tree.map(lambda x: x.reshape(x.shape[0] * x.shape[1], *x.shape[2:]), transitions.carry)
+        return Segment(start=start, action=action, reward=reward, ended=ended, seen=seen)
 
     def make_batch(table: TaskTable, params: Params, transitions: Transitions) -> Batch:
-        embedding = embed(params, table)
+        embedding, carry = embed(params, table), segments_of(params, transitions)
+        steps = jax.tree.map(in_segments, replace(transitions, carry=()))
 
-        def evaluate(steps: Transitions) -> tuple[jax.Array, jax.Array]:
-            _, memory = steps.memory
-            after = remember(params, memory, steps.obs, steps.action, steps.reward)  # at s', before any reset
-            value = apply(params, steps.obs, embedding[steps.row], memory, method="value")
-            return value, apply(params, steps.next_obs, embedding[steps.next_row], after, method="value")
+        def evaluate(part: tuple[Transitions, Segment | tuple[()]]) -> tuple[jax.Array, jax.Array]:
+            steps, carry = part
+            value = apply(params, steps.obs, embedding[steps.row], carry, method="value")
+            next_task = embedding[steps.next_row]
+            return value, apply(params, steps.obs, steps.next_obs, next_task, carry, method="value_after")
 
         if context is None:
-            value, next_value = evaluate(transitions)
+            values = evaluate((steps, carry))
         else:  # a token of a window takes much more memory than a value, so no more samples at once than in the update
-            at_once = max(1, config.minibatch_size // config.num_envs)
-            value, next_value = jax.lax.map(evaluate, transitions, batch_size=min(at_once, config.rollout_steps))
+            parts = jax.tree.map(
+                lambda x: x.reshape(config.num_minibatches, len(x) // config.num_minibatches, *x.shape[1:]),
+                (steps, carry),
+            )
+            values = jax.lax.map(evaluate, parts)
+        value, next_value = (by_time(x) for x in values)
         terminated, truncated = transitions.terminated, transitions.truncated
         if config.timeout_is_terminal:
             terminated, truncated = terminated | truncated, jnp.zeros_like(truncated)
-        _, memory = transitions.memory
         advantage = generalised_advantages(
             transitions.reward, value, next_value, terminated, truncated, config.discount, config.gae_lambda
         )
-        batch = Batch(
-            obs=transitions.obs,
-            row=transitions.row,
-            action=transitions.action,
-            log_prob=transitions.log_prob,
-            value=value,
-            advantage=advantage,
-            memory=misaligned(memory) if context is not None and not context.aligned else memory,
+        return Batch(
+            obs=steps.obs,
+            row=steps.row,
+            action=steps.action,
+            log_prob=steps.log_prob,
+            value=in_segments(value),
+            advantage=in_segments(advantage),
+            carry=misaligned(carry) if isinstance(carry, Segment) and not context.aligned else carry,
         )
-        return jax.tree.map(lambda x: x.reshape(config.batch_size, *x.shape[2:]), batch)
 
-    def misaligned(memory: Memory) -> Memory:
+    def misaligned(carry: Segment) -> Segment:
         """Windows as published: flattened by time and then environment, beside samples in the opposite order."""
-        shape = (config.num_envs, config.rollout_steps)
-        return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[2:]).swapaxes(0, 1), memory)
+
+        def other_order(x: jax.Array) -> jax.Array:
+            return x.reshape(config.num_envs, config.unroll_length, *x.shape[1:]).swapaxes(0, 1).reshape(x.shape)
+
+        return replace(carry, start=jax.tree.map(other_order, carry.start))
 
     def gradient_step(table: TaskTable, carry: tuple[Params, optax.OptState], minibatch: Batch):
         params, opt_state = carry
@@ -334,26 +426,27 @@ def make_ppo(
         return (optax.apply_updates(params, updates), opt_state), scalars
 
     def epoch(table: TaskTable, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):
-        order = jax.random.permutation(key, config.batch_size).reshape(config.num_minibatches, config.minibatch_size)
+        segments = config.batch_size // config.segment_length
+        order = jax.random.permutation(key, segments).reshape(config.num_minibatches, -1)
 
-        def minibatch_step(carry, rows):
-            return gradient_step(table, carry, jax.tree.map(lambda x: x[rows], batch))
+        def minibatch_step(carry, chosen):
+            return gradient_step(table, carry, jax.tree.map(lambda x: x[chosen], batch))
 
         return jax.lax.scan(minibatch_step, carry, order)
 
-    def iterate(state: PPOState) -> tuple[PPOState, Metrics]:
+    def iterate(state: PPOState, env_params: TaskParams) -> tuple[PPOState, Metrics]:
+        table = env_params.table
         key, rollout_key, epochs_key = jax.random.split(state.key, 3)
-        world = world_of(state)
 
         # COLLECT
-        (noise, memory), episodes, transitions, totals = collect(world, state, rollout_key)
+        (noise, carry, _), episodes, transitions, totals, env_metrics = collect(state, env_params, rollout_key)
 
         # ADVANTAGE
-        batch = make_batch(world.table, state.params, transitions)
+        batch = make_batch(table, state.params, transitions)
 
         # UPDATE
         (params, opt_state), scalars = jax.lax.scan(
-            lambda carry, key: epoch(world.table, carry, key, batch),
+            lambda carry, key: epoch(table, carry, key, batch),
             (state.params, state.opt_state),
             jax.random.split(epochs_key, config.epochs),
         )
@@ -365,14 +458,13 @@ def make_ppo(
             opt_state=opt_state,
             episodes=episodes,
             noise=noise,
-            memory=memory,
+            carry=carry,
             key=key,
             iteration=state.iteration + 1,
             best_params=best_params,
             best_score=best_score,
-            table=state.table,
         )
-        return new_state, Metrics(episodes=totals, scalars=jax.tree.map(jnp.mean, scalars))
+        return new_state, Metrics(episodes=totals, scalars=jax.tree.map(jnp.mean, scalars) | env_metrics)
 
     return Agent(
         init=init,
@@ -380,8 +472,8 @@ def make_ppo(
         embed=embed,
         act=act,
         frames_per_iteration=config.frames_per_iteration,
-        renew=renew if renewable else None,
-        begin=begin_memory,
+        begin=begin_carry,
         remember=remember,
+        restart=restart,
         compare=compare,
     )

@@ -7,11 +7,14 @@ from typing import Any
 
 import jax
 import numpy as np
-from flax import struct
+from brax.envs.base import State
 from jax.typing import ArrayLike
 from PIL import Image, ImageDraw, ImageFont
 
-from t2tl_jax.training.types import Agent, Params
+from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training.types import Agent, Params, repeated
+from t2tl_jax.training.unroll import Step, begin, policy_of, unroll
+from t2tl_jax.view import Scene, View
 
 SIDE = 384
 """The longer side of the arena between its walls, pixels."""
@@ -44,57 +47,6 @@ FILLS = {
 }
 
 
-@struct.dataclass
-class Scene:
-    """What there is to see of one state, in the environment's unit of length; episodes have a leading axis."""
-
-    discs: jax.Array | np.ndarray
-    """``float32[n, 2]``: centres."""
-    radii: jax.Array | np.ndarray
-    """``float32[n]``: radius of each disc."""
-    agent: jax.Array | np.ndarray
-    """``float32[2]``: centre of the agent."""
-    heading: jax.Array | np.ndarray
-    """``float32[2]``: where the agent looks or moves, at most of length 1; drawn as its nose."""
-
-
-@dataclass(frozen=True)
-class View:
-    """How an environment looks from above: what this module knows about it."""
-
-    scene: Callable[[Any], Scene]
-    """From a pipeline state of the environment to what is drawn; pure."""
-    low: tuple[float, float]
-    """Inner corner of the walls at the bottom left."""
-    high: tuple[float, float]
-    """Inner corner of the walls at the top right."""
-    colours: tuple[str, ...]
-    """Name of each disc's colour."""
-    agent_radius: float
-    """How large the agent is."""
-    agent_colour: tuple[int, int, int]
-    """How the agent is filled."""
-    seconds_per_step: float
-    """Time between two states."""
-
-    @property
-    def scale(self) -> float:
-        """Pixels per unit of length."""
-        return SIDE / max(self.high[0] - self.low[0], self.high[1] - self.low[1])
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height of the arena with its walls, pixels."""
-        width, height = (round((self.high[i] - self.low[i]) * self.scale) + 2 * WALL for i in (0, 1))
-        return width, height
-
-    def pixels(self, points: ArrayLike) -> list[tuple[float, float]]:
-        """Positions ``[..., 2]`` to pixels; y points up in the arena and down in the picture."""
-        centres = np.asarray(points, np.float64).reshape(-1, 2)
-        (left, _), (_, top) = self.low, self.high
-        return [(WALL + (x - left) * self.scale, WALL + (top - y) * self.scale) for x, y in centres.tolist()]
-
-
 @dataclass(frozen=True)
 class Recording:
     """A recorded episode of T steps; NumPy arrays."""
@@ -104,50 +56,64 @@ class Recording:
     rows: np.ndarray
     """``int32[T + 1]``: row of the task table."""
     verdict: int
-    """+1 the task was carried out, -1 violated, 0 neither within the time limit."""
+    """+1 the task was carried out, -1 violated, 0 neither."""
+    truncated: bool = True
+    """Whether it was the time limit that ended the episode; what ends it without a verdict is else the environment."""
+
+    @property
+    def outcome(self) -> str:
+        """How the episode ended, in words."""
+        if self.verdict:
+            return "done" if self.verdict > 0 else "violated"
+        return "out of time" if self.truncated else "ended by the environment"
 
 
 def record(
-    env: Any, view: View, agent: Agent, params: Params, key: jax.Array, episode_length: int, deterministic: bool
+    env: TaskEnv,
+    view: View,
+    agent: Agent,
+    params: Params,
+    env_params: TaskParams,
+    key: jax.Array,
+    episode_length: int,
+    deterministic: bool,
 ) -> Recording:
     """Play one episode and keep what there was to see.
 
     Args:
-        env: a ``TaskEnv``.
+        env: the environment.
         view: of the environment inside.
         agent: offers ``embed``, ``begin``, ``act`` and ``remember``.
         params: of one seed.
+        env_params: of one seed.
         key: a single key.
         episode_length: time limit in steps.
         deterministic: whether to take the mode of the policy.
     """
 
-    def look(state: Any) -> tuple[Scene, jax.Array]:
-        return view.scene(state.pipeline_state.env), env.row(state)
+    def look(state: State) -> tuple[Scene, jax.Array]:
+        scene = jax.vmap(view.scene, (0, None))(state.pipeline_state.env, env_params.env)
+        return jax.tree.map(lambda x: x[0], (scene, env.row(state)))
 
-    def play(params: Params, key: jax.Array) -> tuple[Any, ...]:
-        embedding = agent.embed(params)
-        reset_key, act_key = jax.random.split(key)
-        first = env.reset(reset_key)
+    def play(params: Params, env_params: TaskParams, key: jax.Array) -> tuple[Any, Any]:
+        policy = policy_of(agent, env, params, agent.embed(params, env_params.table), deterministic)
 
-        def step(carry: tuple, key: jax.Array) -> tuple[tuple, tuple]:
-            state, memory = carry
-            action = agent.act(params, embedding, memory, state.obs, env.row(state), key, deterministic)
-            moved = env.step(state, action)
-            memory = agent.remember(params, memory, state.obs, action, moved.reward)
-            return (moved, memory), (look(moved), env.verdict(moved), moved.done)
+        def seen(step: Step) -> tuple[tuple[Scene, jax.Array], jax.Array, jax.Array, jax.Array]:
+            verdict = env.verdict(step.state, env_params)
+            return look(step.state), verdict[0], step.terminated[0], step.truncated[0]
 
-        _, steps = jax.lax.scan(step, (first, agent.begin()), jax.random.split(act_key, episode_length))
-        return look(first), steps
+        reset_key, key = jax.random.split(key)
+        first, carry = begin(env, env_params, reset_key, 1, episode_length), repeated(agent.begin(), 1)
+        _, _, steps = unroll(
+            env, env_params, policy, first, carry, key, episode_length, episode_length, discount=1.0, keep=seen
+        )
+        return look(first.state), steps
 
-    first, (seen, verdicts, done) = jax.device_get(jax.jit(play)(params, key))
-    ended = np.flatnonzero(done > 0)
-    length = int(ended[0]) + 1 if ended.size else episode_length
-    scenes, rows = jax.tree.map(lambda one, more: np.concatenate([np.asarray(one)[None], more[:length]]), first, seen)
-    verdict = int(verdicts[length - 1])
-    if ended.size and verdict == 0:  # the physics failed
-        verdict = -1
-    return Recording(scenes, rows, verdict)
+    first, (then, verdicts, terminated, truncated) = jax.device_get(jax.jit(play)(params, env_params, key))
+    last = int(np.flatnonzero(terminated | truncated)[0])  # what follows is the next episode
+    length = last + 1
+    scenes, rows = jax.tree.map(lambda one, more: np.concatenate([np.asarray(one)[None], more[:length]]), first, then)
+    return Recording(scenes, rows, int(verdicts[last]), bool(truncated[last]))
 
 
 def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[int], str] = lambda row: "") -> None:
@@ -163,7 +129,7 @@ def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[
     stride = max(1, -(-length // MAX_FRAMES))
     shown = [*range(0, length, stride), length]
     font = ImageFont.load_default(13)
-    width, height = view.size
+    width, height = picture_size(view)
     lines = {row: wrapped(caption(row), font, width - 2 * WALL) for row in {int(recording.rows[i]) for i in shown}}
     canvas = Image.new("RGB", (width, height + LINE * (1 + max(map(len, lines.values()))) + WALL), (235, 235, 235))
     frames = []
@@ -171,7 +137,7 @@ def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[
         frame = canvas.copy()
         _draw(ImageDraw.Draw(frame), recording, view, step)
         seconds = f"step {step}, {step * view.seconds_per_step:.1f} s"
-        outcome = {1: ", done", -1: ", violated", 0: ", out of time"}[recording.verdict] if step == length else ""
+        outcome = f", {recording.outcome}" if step == length else ""
         text = "\n".join([seconds + outcome, *lines[int(recording.rows[step])]])
         for number, line in enumerate(text.splitlines()):
             ImageDraw.Draw(frame).text((WALL, height + 4 + LINE * number), line, fill=(0, 0, 0), font=font)
@@ -185,24 +151,42 @@ def captions(texts: Sequence[str]) -> Callable[[int], str]:
     return lambda row: f"left to do: {texts[row]}" if row < len(texts) else ""
 
 
+def picture_size(view: View) -> tuple[int, int]:
+    """Width and height of the arena with its walls, pixels."""
+    width, height = (round((view.high[i] - view.low[i]) * _scale(view)) + 2 * WALL for i in (0, 1))
+    return width, height
+
+
+def pixels(view: View, points: ArrayLike) -> list[tuple[float, float]]:
+    """Positions ``[..., 2]`` to pixels; y points up in the arena and down in the picture."""
+    centres, scale = np.asarray(points, np.float64).reshape(-1, 2), _scale(view)
+    (left, _), (_, top) = view.low, view.high
+    return [(WALL + (x - left) * scale, WALL + (top - y) * scale) for x, y in centres.tolist()]
+
+
+def _scale(view: View) -> float:
+    """Pixels per unit of length."""
+    return SIDE / max(view.high[0] - view.low[0], view.high[1] - view.low[1])
+
+
 def _draw(draw: ImageDraw.ImageDraw, recording: Recording, view: View, step: int) -> None:
     """The arena at one step: walls, discs, the way so far, the agent."""
-    width, height = view.size
+    width, height = picture_size(view)
     draw.rectangle((0, 0, width - 1, height - 1), fill=(130, 130, 130))
     draw.rectangle((WALL, WALL, width - WALL - 1, height - WALL - 1), fill=(222, 226, 230))
     scenes = recording.scenes
-    radii = scenes.radii[step] * view.scale
-    for (x, y), radius, colour in zip(view.pixels(scenes.discs[step]), radii.tolist(), view.colours, strict=True):
+    radii = scenes.radii[step] * _scale(view)
+    for (x, y), radius, colour in zip(pixels(view, scenes.discs[step]), radii.tolist(), view.colours, strict=True):
         fill = FILLS.get(colour, (160, 160, 160))
         draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=fill, outline=(90, 90, 90))
-    way = view.pixels(scenes.agent[: step + 1])
+    way = pixels(view, scenes.agent[: step + 1])
     if len(way) > 1:
         draw.line(way, fill=(30, 90, 200), width=2)
     x, y = way[-1]
-    radius = view.agent_radius * view.scale
+    radius = view.agent_radius * _scale(view)
     draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=view.agent_colour, outline=(20, 20, 20))
     nose = scenes.agent[step] + 1.8 * view.agent_radius * scenes.heading[step]
-    draw.line([(x, y), *view.pixels(nose)], fill=(20, 20, 20), width=3)
+    draw.line([(x, y), *pixels(view, nose)], fill=(20, 20, 20), width=3)
 
 
 def wrapped(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: int) -> list[str]:

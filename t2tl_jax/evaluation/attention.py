@@ -11,14 +11,17 @@ from typing import Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
+from brax.envs.base import State
 from flax import struct
 from scipy import stats
 
-from t2tl_jax.evaluation.episodes import Environment
+from t2tl_jax.evaluation.episodes import CHUNK
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.ltl.tokens import token_names
 from t2tl_jax.networks.task_encoders import TransformerTaskEncoder, attention_weights
-from t2tl_jax.training.types import Agent, Params, PolicyMemory, repeated
+from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training.types import Agent, Carry, Params, repeated
+from t2tl_jax.training.unroll import Episode, Policy, begin, policy_of, unroll, where
 
 Queries = Literal["all", "root"]
 """Who attends: every real token (their mean), or the formula's first token only."""
@@ -70,8 +73,17 @@ class Met:
     """One step of each of E episodes: drawn from those that it spent in a row, or its first one if there are none."""
 
     obs: jax.Array  # float32[E, O]
-    memory: PolicyMemory  # of the policy before that step
+    carry: Carry  # of the policy before that step
     steps: jax.Array  # int32[E], steps that the episode spent in the row
+
+
+@struct.dataclass
+class Meeting:
+    """Episodes under way: the agent's carry, what was met so far, and whether an episode is still the first one."""
+
+    carry: Carry  # leading axis [E]
+    met: Met
+    alive: jax.Array  # bool[E]
 
 
 def attention_received(
@@ -130,42 +142,56 @@ def codes_without_tokens(encoder: TransformerTaskEncoder, params: Params, table:
 
 
 def meet(
-    env: Environment, agent: Agent, params: Params, key: jax.Array, row: int, episodes: int, episode_length: int
+    env: TaskEnv,
+    agent: Agent,
+    params: Params,
+    env_params: TaskParams,
+    key: jax.Array,
+    row: int,
+    episodes: int,
+    episode_length: int,
 ) -> Met:
     """Play episodes with the sampled policy and keep one step of each, drawn from all steps that it spent in `row`.
 
     One step only: successive observations are nearly equal, and every episode counts the same. Pure; jit it.
     """
-    embedding = agent.embed(params)
-    reset_key, act_key = jax.random.split(key)
-    state = jax.vmap(env.reset)(jax.random.split(reset_key, episodes))
-    memory = repeated(agent.begin(), episodes)
-    first = Met(state.obs, memory, jnp.zeros(episodes, jnp.int32))
+    sampled = policy_of(agent, env, params, agent.embed(params, env_params.table), deterministic=False)
+    reset_key, key = jax.random.split(key)
+    first = begin(env, env_params, reset_key, episodes, episode_length)
+    carry = repeated(agent.begin(), episodes)
 
-    def under_way(carry: tuple) -> jax.Array:
-        _, _, alive, _, step = carry
-        return (step < episode_length) & alive.any()
-
-    def advance(carry: tuple) -> tuple:
-        state, memory, alive, met, step = carry
-        act, draw = jax.random.split(jax.random.fold_in(act_key, step))
-        rows = jax.vmap(env.row)(state)
-        here = alive & (rows == row)
-        steps = met.steps + here
+    # What was met goes along with the agent's carry: it is there when the agent acts, and knows when an episode ends.
+    def act(loop: Meeting, state: State, key: jax.Array) -> tuple[jax.Array, Meeting, tuple[()]]:
+        draw, key = jax.random.split(key)
+        here = loop.alive & (env.row(state) == row)
+        steps = loop.met.steps + here
         # The k-th step here takes the place of the one kept so far with probability 1 / k: in the end all are equal.
         taken = here & (jax.random.uniform(draw, (episodes,)) * steps < 1.0)
+        obs, kept = where(taken, (state.obs, loop.carry), (loop.met.obs, loop.met.carry))
+        action, carry, extras = sampled.act(loop.carry, state, key)
+        return action, Meeting(carry, Met(obs, kept, steps), loop.alive), extras
 
-        def keep(new: jax.Array, old: jax.Array) -> jax.Array:
-            return jnp.where(taken.reshape(-1, *[1] * (old.ndim - 1)), new, old)
+    def observe(loop: Meeting, state: State, action: jax.Array, reward: jax.Array, ended: jax.Array) -> Meeting:
+        return Meeting(sampled.observe(loop.carry, state, action, reward, ended), loop.met, loop.alive & ~ended)
 
-        obs, kept = jax.tree.map(keep, (state.obs, memory), (met.obs, met.memory))
-        action = agent.act(params, embedding, memory, state.obs, rows, act, False)
-        moved = jax.vmap(env.step)(state, action)
-        memory = agent.remember(params, memory, state.obs, action, moved.reward)
-        return moved, memory, alive & (moved.done == 0), Met(obs, kept, steps), step + 1
+    def go_on(loop: tuple[Episode, Meeting, jax.Array]) -> tuple[Episode, Meeting, jax.Array]:
+        under_way, meeting, chunk = loop
+        under_way, meeting, _ = unroll(
+            env,
+            env_params,
+            Policy(act, observe),
+            under_way,
+            meeting,
+            jax.random.fold_in(key, chunk),
+            min(CHUNK, episode_length),
+            episode_length,
+            discount=1.0,
+        )
+        return under_way, meeting, chunk + 1
 
-    start = (state, memory, jnp.ones(episodes, bool), first, jnp.int32(0))
-    return jax.lax.while_loop(under_way, advance, start)[3]
+    nothing = Met(first.state.obs, carry, jnp.zeros(episodes, jnp.int32))
+    start = (first, Meeting(carry, nothing, jnp.ones(episodes, bool)), jnp.int32(0))
+    return jax.lax.while_loop(lambda loop: loop[1].alive.any(), go_on, start)[1].met
 
 
 def removal_effects(agent: Agent, params: Params, codes: jax.Array, met: Met) -> Removal:
@@ -183,13 +209,13 @@ def removal_effects(agent: Agent, params: Params, codes: jax.Array, met: Met) ->
     chosen = np.asarray(met.steps) > 0
     found = bool(chosen.any())
     index = np.flatnonzero(chosen | (not found))
-    seen = jax.tree.map(lambda x: x[index], (met.obs, met.memory))
+    seen = jax.tree.map(lambda x: x[index], (met.obs, met.carry))
 
-    def effects(params: Params, seen: tuple[jax.Array, PolicyMemory], codes: jax.Array) -> tuple[jax.Array, jax.Array]:
-        obs, memory = seen
+    def effects(params: Params, seen: tuple[jax.Array, Carry], codes: jax.Array) -> tuple[jax.Array, jax.Array]:
+        obs, carry = seen
 
         def one_token(code: jax.Array) -> tuple[jax.Array, jax.Array]:
-            policy, value = compare(params, memory, obs, codes[0], code)
+            policy, value = compare(params, carry, obs, codes[0], code)
             return policy.mean(), jnp.abs(value).mean()
 
         return jax.lax.map(one_token, codes[1:])  # one after the other: a formula can have very many tokens

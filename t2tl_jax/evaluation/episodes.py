@@ -1,118 +1,131 @@
 """Complete episodes of a fixed policy: a fixed number of them, the first one of every environment."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol
-
 import jax
 import jax.numpy as jnp
-import numpy as np
 from flax import struct
 
-from t2tl_jax.training.types import Agent, Params, repeated
+from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training.program import OVER_SEEDS
+from t2tl_jax.training.types import Agent, Carry, Params, repeated
+from t2tl_jax.training.unroll import Episode, Policy, Step, begin, policy_of, unroll
 
-
-class Environment(Protocol):
-    """What evaluation needs of a task environment; unbatched, without time limit or automatic reset."""
-
-    def reset(self, rng: jax.Array) -> Any:
-        """First state of an episode."""
-        ...
-
-    def step(self, state: Any, action: jax.Array) -> Any:
-        """Next state: its ``reward``, and ``done`` once the task is decided."""
-        ...
-
-    def verdict(self, state: Any) -> jax.Array:
-        """+1 the task is carried out, -1 violated, 0 open."""
-        ...
-
-    def row(self, state: Any) -> jax.Array:
-        """Row of the task table that is still to be done: ``int32``."""
-        ...
+CHUNK = 25
+"""Steps between two looks at whether all episodes are over."""
 
 
 @struct.dataclass
 class Episodes:
-    """Outcomes of E episodes of every evaluated policy, ``[..., E]``. Neither flag means: cut by the time limit."""
+    """Outcomes of E episodes of every evaluated policy, ``[..., E]``. No flag at all means: cut by the time limit."""
 
     success: jax.Array  # bool, the formula became true
-    violation: jax.Array  # bool, the formula became false (or the physics failed)
+    violation: jax.Array  # bool, the formula became false
+    env_termination: jax.Array  # bool, ended by the environment itself while the task was open
     total_reward: jax.Array  # float32, undiscounted
+    discounted_return: jax.Array  # float32, sum of discount^t r_t from t = 0
     length: jax.Array  # int32, environment steps
 
 
 def play(
-    env: Environment,
+    env: TaskEnv,
     agent: Agent,
     params: Params,
+    env_params: TaskParams,
     key: jax.Array,
     episodes: int,
     episode_length: int,
+    discount: float,
     deterministic: bool,
 ) -> Episodes:
-    """Play ``episodes`` episodes side by side, each to its verdict or to ``episode_length`` steps.
+    """Play ``episodes`` episodes side by side, each to its end or to ``episode_length`` steps; tasks take turns.
 
     Works on one seed and is pure: jit it, and vmap it over seeds. Every environment plays one episode only, since
     counting all that end within some time would favour short ones.
     """
-    embedding = agent.embed(params)  # once: the policy does not change
-    reset_key, act_key = jax.random.split(key)
-    state = jax.vmap(env.reset)(jax.random.split(reset_key, episodes))
-    nothing = jnp.zeros(episodes, bool)
-    start = Episodes(
-        success=nothing,
-        violation=nothing,
-        total_reward=jnp.zeros(episodes, jnp.float32),
-        length=jnp.zeros(episodes, jnp.int32),
-    )
+    policy = policy_of(agent, env, params, agent.embed(params, env_params.table), deterministic)
+    carry = repeated(agent.begin(), episodes)
+    return first_episodes(env, policy, carry, env_params, key, episodes, episode_length, discount)
 
-    def under_way(carry: tuple) -> jax.Array:
-        _, _, outcome, step = carry
-        return (step < episode_length) & ~(outcome.success | outcome.violation).all()
 
-    def advance(carry: tuple) -> tuple:
-        state, memory, outcome, step = carry
-        alive = ~(outcome.success | outcome.violation)
-        row = jax.vmap(env.row)(state)
-        action = agent.act(params, embedding, memory, state.obs, row, jax.random.fold_in(act_key, step), deterministic)
-        moved = jax.vmap(env.step)(state, action)
-        memory = agent.remember(params, memory, state.obs, action, moved.reward)
-        ended, verdict = alive & (moved.done > 0), jax.vmap(env.verdict)(moved)
-        outcome = Episodes(
-            success=outcome.success | (ended & (verdict > 0)),
-            violation=outcome.violation | (ended & (verdict <= 0)),
-            total_reward=outcome.total_reward + jnp.where(alive, moved.reward, 0.0),
-            length=outcome.length + alive.astype(jnp.int32),
+def first_episodes(
+    env: TaskEnv,
+    policy: Policy,
+    carry: Carry,
+    env_params: TaskParams,
+    key: jax.Array,
+    episodes: int,
+    episode_length: int,
+    discount: float,
+) -> Episodes:
+    """As `play`, for any policy; `carry` is what it begins with in each of the environments."""
+    reset_key, key = jax.random.split(key)
+    first = begin(env, env_params, reset_key, episodes, episode_length)
+    none, zero = jnp.zeros(episodes, bool), jnp.zeros(episodes)
+    unknown = Episodes(none, none, none, zero, zero, jnp.zeros(episodes, jnp.int32))
+
+    def result(step: Step) -> Episodes:
+        """What the step adds: the outcome of a first episode in its last step, else nothing."""
+        ended = (step.terminated | step.truncated) & (step.turn == first.turn)
+        verdict = env.verdict(step.state, env_params)
+        return Episodes(
+            success=ended & (verdict > 0),
+            violation=ended & (verdict < 0),
+            env_termination=ended & step.terminated & (verdict == 0),
+            total_reward=jnp.where(ended, step.total, 0.0),
+            discounted_return=jnp.where(ended, step.discounted, 0.0),
+            length=jnp.where(ended, step.elapsed, 0),
         )
-        return moved, memory, outcome, step + 1
 
-    first = (state, repeated(agent.begin(), episodes), start, jnp.int32(0))
-    return jax.lax.while_loop(under_way, advance, first)[2]
+    def under_way(loop: tuple) -> jax.Array:
+        _, _, known, _ = loop
+        return (known.length == 0).any()
+
+    def go_on(loop: tuple) -> tuple:
+        under_way, carry, known, chunk = loop
+        under_way, carry, results = unroll(
+            env,
+            env_params,
+            policy,
+            under_way,
+            carry,
+            jax.random.fold_in(key, chunk),
+            min(CHUNK, episode_length),
+            episode_length,
+            discount,
+            result,
+        )
+        known = jax.tree.map(lambda so_far, new: (so_far + new.sum(0)).astype(so_far.dtype), known, results)
+        return under_way, carry, known, chunk + 1
+
+    start: tuple[Episode, Carry, Episodes, jax.Array] = (first, carry, unknown, jnp.int32(0))
+    return jax.lax.while_loop(under_way, go_on, start)[2]
 
 
 def evaluate_seeds(
-    of_seed: Callable[[jax.Array], tuple[Environment, Agent]],
-    seeds: Sequence[int],
+    env: TaskEnv,
+    agent: Agent,
     params: Params,
+    env_params: TaskParams,
     keys: jax.Array,
     episodes: int,
     episode_length: int,
+    discount: float,
     deterministic: bool,
 ) -> Episodes:
     """``play`` for every seed in one program, on the host: ``[seeds, episodes]``.
 
     Args:
-        of_seed: environment and learner (of which ``embed``, ``begin``, ``act`` and ``remember`` are used) by the
-            seed's number.
-        seeds: the numbers, ``int[seeds]``.
+        env: the environment.
+        agent: of which ``embed``, ``begin``, ``act`` and ``remember`` are used.
         params: with leading axis [seeds].
+        env_params: of ``params_of_seeds(env, seeds, training=False)``.
         keys: ``key[seeds]``, of the evaluation stream.
         episodes: number of episodes per seed.
         episode_length: time limit in steps.
+        discount: gamma of the discounted return.
         deterministic: whether to take the mode of the policy instead of a sample.
     """
 
-    def one_seed(seed: jax.Array, params: Params, key: jax.Array) -> Episodes:
-        return play(*of_seed(seed), params, key, episodes, episode_length, deterministic)
+    def one_seed(params: Params, env_params: TaskParams, key: jax.Array) -> Episodes:
+        return play(env, agent, params, env_params, key, episodes, episode_length, discount, deterministic)
 
-    return jax.device_get(jax.jit(jax.vmap(one_seed))(np.asarray(seeds, np.uint32), params, keys))
+    return jax.device_get(jax.jit(jax.vmap(one_seed, (0, OVER_SEEDS, 0)))(params, env_params, keys))

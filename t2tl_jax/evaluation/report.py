@@ -4,13 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import jax
 import numpy as np
 
 from t2tl_jax.evaluation.episodes import Episodes
-from t2tl_jax.evaluation.statistics import Estimate, mean, rate
-
-SOLVED = 0.95
-"""A seed solves its task when its success rate is above this."""
+from t2tl_jax.evaluation.statistics import SOLVED, Estimate, mean, rate
 
 
 @dataclass(frozen=True)
@@ -25,10 +23,12 @@ class SeedReport:
     """Share of episodes in which it became false."""
     timeout_rate: Estimate
     """Share of episodes cut by the time limit."""
+    env_termination_rate: Estimate
+    """Share of episodes that the environment ended by itself while the task was open."""
     success_length: Estimate
     """Steps of the successful episodes; t interval."""
     discounted_return: Estimate
-    """Mean of total reward x discount^(length - 1); t interval."""
+    """Mean of the sum of discount^t r_t from t = 0; t interval."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,8 @@ class Report:
     """Mean over seeds."""
     timeout_rate: Estimate
     """Mean over seeds."""
+    env_termination_rate: Estimate
+    """Mean over seeds."""
     success_length: Estimate
     """Mean over the seeds that succeeded at least once."""
     discounted_return: Estimate
@@ -55,16 +57,15 @@ class Report:
         return asdict(self)
 
 
-def summarise(episodes: Episodes, seeds: Sequence[int], discount: float) -> Report:
+def summarise(episodes: Episodes, seeds: Sequence[int]) -> Report:
     """Estimates from the outcomes of every seed.
 
     Args:
         episodes: on the host, ``[seeds, episodes]``.
         seeds: their numbers.
-        discount: gamma of the discounted return.
     """
     reports = tuple(
-        _seed_report(seed, Episodes(*(np.asarray(part)[index] for part in _parts(episodes))), discount)
+        _seed_report(seed, jax.tree.map(lambda part, index=index: np.asarray(part)[index], episodes))
         for index, seed in enumerate(seeds)
     )
 
@@ -78,6 +79,7 @@ def summarise(episodes: Episodes, seeds: Sequence[int], discount: float) -> Repo
         success_rate=over_seeds("success_rate", 0.0, 1.0),
         violation_rate=over_seeds("violation_rate", 0.0, 1.0),
         timeout_rate=over_seeds("timeout_rate", 0.0, 1.0),
+        env_termination_rate=over_seeds("env_termination_rate", 0.0, 1.0),
         success_length=over_seeds("success_length", lowest=0.0),
         discounted_return=over_seeds("discounted_return"),
         solved=rate(solving, len(reports)),
@@ -90,7 +92,16 @@ def table(reports: Mapping[str, Report]) -> str:
     Args:
         reports: by the name of the policy, for instance ``{"deterministic": ..., "sampled": ...}``.
     """
-    header = ("policy", "seed", "success", "violation", "time-out", "steps on success", "discounted return")
+    header = (
+        "policy",
+        "seed",
+        "success",
+        "violation",
+        "time-out",
+        "ended by env",
+        "steps on success",
+        "discounted return",
+    )
     lines: list[tuple[str, ...]] = [header]
     for policy, report in reports.items():
         lines += [(policy, str(seed.seed), *_cells(seed)) for seed in report.seeds]
@@ -112,22 +123,18 @@ def table(reports: Mapping[str, Report]) -> str:
     return "\n".join(text)
 
 
-def _seed_report(seed: int, episodes: Episodes, discount: float) -> SeedReport:
-    success, violation, total_reward, length = _parts(episodes)
-    count = len(success)
-    returns = total_reward.astype(np.float64) * discount ** (length.astype(np.float64) - 1)
+def _seed_report(seed: int, episodes: Episodes) -> SeedReport:
+    decided = episodes.success | episodes.violation | episodes.env_termination
+    count = len(decided)
     return SeedReport(
         seed=seed,
-        success_rate=rate(int(success.sum()), count),
-        violation_rate=rate(int(violation.sum()), count),
-        timeout_rate=rate(int((~success & ~violation).sum()), count),
-        success_length=mean(length[success], lowest=1.0),
-        discounted_return=mean(returns),
+        success_rate=rate(int(episodes.success.sum()), count),
+        violation_rate=rate(int(episodes.violation.sum()), count),
+        timeout_rate=rate(int((~decided).sum()), count),
+        env_termination_rate=rate(int(episodes.env_termination.sum()), count),
+        success_length=mean(np.asarray(episodes.length[episodes.success]), lowest=1.0),
+        discounted_return=mean(np.asarray(episodes.discounted_return)),
     )
-
-
-def _parts(episodes: Episodes) -> tuple[Any, Any, Any, Any]:
-    return episodes.success, episodes.violation, episodes.total_reward, episodes.length
 
 
 def _cells(report: SeedReport | Report) -> tuple[str, ...]:
@@ -135,6 +142,7 @@ def _cells(report: SeedReport | Report) -> tuple[str, ...]:
         report.success_rate.text(),
         report.violation_rate.text(),
         report.timeout_rate.text(),
+        report.env_termination_rate.text(),
         report.success_length.text(1),
         report.discounted_return.text(),
     )

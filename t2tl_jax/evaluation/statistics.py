@@ -9,6 +9,9 @@ from scipy import stats
 CONFIDENCE = 0.95
 """Level of every interval of this project."""
 
+SOLVED = 0.95
+"""A seed solves its task when its success rate is above this."""
+
 RESAMPLES = 2000
 """Bootstrap resamples; the end points then move by about 1 % of the width between random streams."""
 

@@ -9,7 +9,7 @@ from flax import linen as nn
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
+from t2tl_jax.networks.context import Carry, ContextConfig, ContextEncoder, RecurrentNetwork, Segment
 from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
 from t2tl_jax.networks.initializers import unit_norm
 from t2tl_jax.networks.task_encoder import TaskEncoder, TaskEncoderConfig
@@ -106,10 +106,10 @@ class Critic(nn.Module):
         return nn.Dense(1, kernel_init=unit_norm(self.output_scale), name="value")(x)[..., 0]
 
 
-class ActorCritic(MemoryNetwork):
-    """Policy and value of (observation, task embedding, memory); the task encoder is one of its parts.
+class ActorCritic(RecurrentNetwork):
+    """Policy and value of (observation, task embedding, carry); the task encoder is one of its parts.
 
-    Call `embed` once per gradient step (or per rollout), then index the embedding by row. Without context the memory is
+    Call `embed` once per gradient step (or per rollout), then index the embedding by row. Without context the carry is
     `()`, and may be left out.
     """
 
@@ -141,28 +141,39 @@ class ActorCritic(MemoryNetwork):
         action = jnp.int32(0) if self.discrete else jnp.zeros(self.action_size)
         return action, (observation_size, *self.config.env_layers)[-1]
 
-    def features(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> jax.Array:
-        """obs [..., O], task [..., dim], memory of [...] environments -> [..., D], shared by actor and critic."""
-        parts = [self.environment_encoder(obs), task]
+    def features(self, obs: jax.Array, task: jax.Array, carry: Carry | Segment = ()) -> jax.Array:
+        """obs [..., O], task [..., dim], carry of [...] environments -> [..., D], shared by actor and critic.
+
+        The carry may also be segments of [...] without the last axis, which then is that of their steps.
+        """
+        embedding = self.see(obs)
+        parts = [embedding, task]
         if self.config.context is not None:
-            parts.append(self.context(memory))
+            parts.append(self.context(carry, embedding))
         return jnp.concatenate(parts, axis=-1)
 
-    def policy(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> Distribution:
+    def policy(self, obs: jax.Array, task: jax.Array, carry: Carry = ()) -> Distribution:
         """Distribution of the action, leading axes [...]."""
-        return self.actor(self.features(obs, task, memory))
+        return self.actor(self.features(obs, task, carry))
 
-    def value(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> jax.Array:
+    def value(self, obs: jax.Array, task: jax.Array, carry: Carry | Segment = ()) -> jax.Array:
         """Value [...]."""
-        return self.critic(self.features(obs, task, memory))
+        return self.critic(self.features(obs, task, carry))
 
-    def __call__(self, obs: jax.Array, task: jax.Array, memory: Memory = ()) -> tuple[Distribution, jax.Array]:
+    def value_after(self, obs: jax.Array, next_obs: jax.Array, next_task: jax.Array, carry: Segment | tuple[()]):
+        """Value [..., S] of the states that the steps of segments led to, before any new episode."""
+        parts = [self.see(next_obs), next_task]
+        if self.config.context is not None:
+            parts.append(self.context(carry, self.see(obs), after=True))
+        return self.critic(jnp.concatenate(parts, axis=-1))
+
+    def __call__(self, obs: jax.Array, task: jax.Array, carry: Carry | Segment = ()) -> tuple[Distribution, jax.Array]:
         """Distribution of the action and value from one pass through the shared features."""
-        features = self.features(obs, task, memory)
+        features = self.features(obs, task, carry)
         return self.actor(features), self.critic(features)
 
     def initialise(
-        self, table: TaskTable, obs: jax.Array, row: jax.Array, memory: Memory = ()
+        self, table: TaskTable, obs: jax.Array, row: jax.Array, carry: Carry = ()
     ) -> tuple[Distribution, jax.Array]:
-        """Touch every part once: `init(key, table, obs, row, memory, method="initialise")` makes all parameters."""
-        return self(obs, self.embed(table)[row], memory)
+        """Touch every part once: `init(key, table, obs, row, carry, method="initialise")` makes all parameters."""
+        return self(obs, self.embed(table)[row], carry)

@@ -2,6 +2,9 @@
 
 A policy with context carries one `Window` per environment: empty at the start of an episode, one token longer after
 every step, the newest token always in the last slot. Window functions take one window or any batch of them.
+
+The windows of successive steps overlap. So PPO learns from `Segment`s: S steps and the window at the first of them, in
+which every observation is embedded and every token is made once, and then stacked to the S windows.
 """
 
 from dataclasses import dataclass, field, replace
@@ -37,10 +40,20 @@ class ContextConfig:
     recompute: bool = True
     """Keep observations, and embed them anew with gradient in the update; False keeps the embedding made when acting
     (published code), through which no gradient flows."""
+    segment_length: int = 8
+    """PPO draws its minibatches in pieces of so many successive steps, which share the work on their windows; must
+    divide ppo.rollout_steps. 1 draws every step by itself, as the published code does, and is several times slower."""
 
     def __post_init__(self) -> None:
         if self.length < 1:
             raise ValueError(f"a context window holds at least one step, got length={self.length}")
+        if self.segment_length < 1:
+            raise ValueError(f"a segment holds at least one step, got segment_length={self.segment_length}")
+        if not self.aligned and self.segment_length > 1:
+            raise ValueError(
+                "aligned=False gives every step the window of another one, so steps share nothing; it needs "
+                f"segment_length=1, got segment_length={self.segment_length}"
+            )
         if self.halved and self.transformer.layers < 2:
             raise ValueError(
                 f"halved=True needs a context Transformer of two layers or more, got layers={self.transformer.layers}"
@@ -65,8 +78,19 @@ class Window:
     valid: jax.Array  # bool[..., K], False for an empty slot
 
 
-Memory: TypeAlias = Window | tuple[()]
+Carry: TypeAlias = Window | tuple[()]
 """What a policy remembers of an episode: a window, or nothing at all without context."""
+
+
+@struct.dataclass
+class Segment:
+    """S successive steps of one environment, and what is needed for the windows of all of them."""
+
+    start: Window  # [..., K] slots, at the first step
+    action: jax.Array  # [..., S, A], or int32[..., S] where actions are discrete
+    reward: jax.Array  # float32[..., S]
+    ended: jax.Array  # bool[..., S], the episode ended with this step
+    seen: jax.Array | None  # float32[..., S, E], embeddings made when acting; None where they are made anew
 
 
 def empty_window(length: int, action: jax.Array, seen_size: int) -> Window:
@@ -92,21 +116,21 @@ def append(window: Window, action: jax.Array, reward: jax.Array, seen: jax.Array
     return jax.tree.map(add, window, Window(action, reward, seen, jnp.ones(reward.shape, bool)))
 
 
-def without_oldest(memory: Memory) -> Memory:
-    """The memory less its first slot."""
-    return _slots(memory, slice(1, None))
+def without_oldest(carry: Carry) -> Carry:
+    """The carry less its first slot."""
+    return _slots(carry, slice(1, None))
 
 
-def without_newest(memory: Memory) -> Memory:
-    """The memory less its last slot."""
-    return _slots(memory, slice(None, -1))
+def without_newest(carry: Carry) -> Carry:
+    """The carry less its last slot."""
+    return _slots(carry, slice(None, -1))
 
 
-def _slots(memory: Memory, chosen: slice) -> Memory:
-    if not isinstance(memory, Window):
-        return memory
-    leading = (slice(None),) * (memory.reward.ndim - 1)
-    return jax.tree.map(lambda x: x[*leading, chosen], memory)
+def _slots(carry: Carry, chosen: slice) -> Carry:
+    if not isinstance(carry, Window):
+        return carry
+    leading = (slice(None),) * (carry.reward.ndim - 1)
+    return jax.tree.map(lambda x: x[*leading, chosen], carry)
 
 
 def empty_where(window: Window, ended: jax.Array) -> Window:
@@ -118,39 +142,90 @@ def empty_where(window: Window, ended: jax.Array) -> Window:
     return jax.tree.map(clear, window)
 
 
+def stack_windows(slots: jax.Array, axis: int, steps: int, after: bool) -> jax.Array:
+    """The windows of S `steps` from a sequence of K + S slots along `axis`: [..., K + S, ...] -> [..., S, K, ...].
+
+    That of step s are the K slots before its own; with `after`, the K that end with its own. K slices instead of one
+    gather, whose gradient would be a scatter.
+    """
+    length = slots.shape[axis] - steps
+    slices = [jax.lax.slice_in_dim(slots, k + after, k + after + steps, axis=axis) for k in range(length)]
+    return jnp.stack(slices, axis + 1)
+
+
+def valid_in_windows(segment: Segment, reset: bool, after: bool) -> jax.Array:
+    """Which slots of the windows of `stack_windows` are filled, with `reset` by the own episode: bool[..., S, K]."""
+    start, axis, steps = segment.start, segment.reward.ndim - 1, segment.reward.shape[-1]
+    filled = jnp.concatenate([start.valid, jnp.ones_like(segment.ended)], axis)
+    valid = stack_windows(filled, axis, steps, after)
+    if not reset:
+        return valid
+    episode = jnp.cumsum(segment.ended, axis) - segment.ended  # how many ended before a step
+    of_slot = jnp.concatenate([jnp.zeros(start.valid.shape, episode.dtype), episode], axis)
+    return valid & (stack_windows(of_slot, axis, steps, after) == episode[..., None])
+
+
 class ContextEncoder(nn.Module):
     """Tokens (action, reward, embedded observation), a linear layer, and the same Transformer as the formula's."""
 
     config: ContextConfig
     num_actions: int | None = None  # of discrete actions, which become unit vectors; None for continuous ones
 
-    @nn.compact
+    def setup(self) -> None:
+        """Name the parts; parameters live under these names in checkpoints."""
+        flags, config = self.config.transformer, self.config.encoder
+        # T-Fixup's factors use the sizes before halving, as published.
+        init = t_fixup_embedding(flags.width, flags.layers) if flags.t_fixup else unit_norm()
+        self.token = nn.Dense(config.width, kernel_init=init)
+        self.encoder = TransformerEncoder(config, t_fixup_layers=flags.layers)
+
     def __call__(self, window: Window, embedding: jax.Array) -> jax.Array:
         """window of [..., K] slots, embedding [..., K, E] of what was seen in them -> [..., output].
 
         The code of an empty window is 0 (the paper's "set the context variable to zero") unless it is not masked.
         """
-        flags, config = self.config.transformer, self.config.encoder
-        # T-Fixup's factors use the sizes before halving, as published.
-        init = t_fixup_embedding(flags.width, flags.layers) if flags.t_fixup else unit_norm()
-        action = window.action if self.num_actions is None else jax.nn.one_hot(window.action, self.num_actions)
-        tokens = jnp.concatenate([action, window.reward[..., None], embedding], axis=-1)
-        tokens = jnp.where(window.valid[..., None], tokens, 0.0)  # the embedding of an empty slot is not zero
-        x = nn.Dense(config.width, kernel_init=init, name="token")(tokens)
+        slots = self.slots(window.action, window.reward, embedding)
+        return self.read(self.token(slots), self.empty(slots), window.valid)
 
-        started = window.valid.any(axis=-1, keepdims=True)
+    def segment(self, segment: Segment, before: jax.Array, during: jax.Array, after: bool = False) -> jax.Array:
+        """The codes of a segment's S windows, or of those after each step: [..., S, output].
+
+        before [..., K, E] embeds what was seen in the slots of the first window, during [..., S, E] in the steps.
+        """
+        start, axis, steps = segment.start, segment.reward.ndim - 1, segment.reward.shape[-1]
+        action, reward, embedding = (
+            jnp.concatenate(parts, axis)
+            for parts in ((start.action, segment.action), (start.reward, segment.reward), (before, during))
+        )
+        slots = self.slots(action, reward, embedding)
+        tokens = stack_windows(self.token(slots), axis, steps, after)
+        return self.read(tokens, self.empty(slots), valid_in_windows(segment, self.config.reset, after))
+
+    def slots(self, action: jax.Array, reward: jax.Array, embedding: jax.Array) -> jax.Array:
+        """Side by side what a token is made of: action [..., A] or int32[...], reward [...], embedding [..., E]."""
+        action = action if self.num_actions is None else jax.nn.one_hot(action, self.num_actions)
+        return jnp.concatenate([action, reward[..., None], embedding], axis=-1)
+
+    def empty(self, slots: jax.Array) -> jax.Array:
+        """The token of an empty slot, [width]: that of zeros."""
+        return self.token(jnp.zeros_like(slots, shape=slots.shape[-1:]))
+
+    def read(self, tokens: jax.Array, empty: jax.Array, valid: jax.Array) -> jax.Array:
+        """tokens [..., K, width], valid bool[..., K] (elsewhere stands the token `empty` [width]) -> [..., output]."""
+        config = self.config.encoder
+        x = jnp.where(valid[..., None], tokens, empty)
+        started = valid.any(axis=-1, keepdims=True)
         # The mean of no tokens has no gradient, so an empty window is read as a full one and its code dropped below.
-        mask = window.valid | ~started
-        encoder = TransformerEncoder(config, t_fixup_layers=flags.layers, name="encoder")
-        code = encoder(x.reshape(-1, *x.shape[-2:]), mask.reshape(-1, mask.shape[-1]))
+        mask = valid | ~started
+        code = self.encoder(x.reshape(-1, *x.shape[-2:]), mask.reshape(-1, mask.shape[-1]))
         code = code.reshape(*x.shape[:-2], config.output)
         return jnp.where(started, code, 0.0) if config.masked else code
 
 
-class MemoryNetwork(nn.Module):
-    """What a policy's network does with its memory. A subclass makes `context_encoder`, `see` and `blank`.
+class RecurrentNetwork(nn.Module):
+    """What a policy's network does with its carry. A subclass makes `context_encoder`, `see` and `blank`.
 
-    Without context every memory is `()`.
+    Without context every carry is `()`.
     """
 
     config: Any  # of the network; has a field `context`, a `ContextConfig` or None
@@ -165,34 +240,41 @@ class MemoryNetwork(nn.Module):
         raise NotImplementedError
 
     @nn.nowrap
-    def begin(self, observation_size: int) -> Memory:
-        """The memory of one environment at the start of an episode; needs no parameters."""
+    def begin(self, observation_size: int) -> Carry:
+        """The carry of one environment at the start of an episode; needs no parameters."""
         context = self.config.context
         if context is None:
             return ()
         action, embedding_size = self.blank(observation_size)
         return empty_window(context.length, action, observation_size if context.recompute else embedding_size)
 
-    def extend(self, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
-        """The memory and the step that followed, one slot more: `action` on `obs` [..., O] led to `reward` [...]."""
-        if not isinstance(memory, Window):
-            return memory
-        return append(memory, action, reward, obs if self.config.context.recompute else self.see(obs))
+    def extend(self, carry: Carry, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Carry:
+        """The carry and the step that followed, one slot more: `action` on `obs` [..., O] led to `reward` [...]."""
+        if not isinstance(carry, Window):
+            return carry
+        return append(carry, action, reward, obs if self.config.context.recompute else self.see(obs))
 
-    def remember(self, memory: Memory, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Memory:
-        """The memory after a step."""
-        return without_oldest(self.extend(memory, obs, action, reward))
+    def remember(self, carry: Carry, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Carry:
+        """The carry after a step."""
+        return without_oldest(self.extend(carry, obs, action, reward))
 
     @nn.nowrap
-    def next_episode(self, memory: Memory, ended: jax.Array) -> Memory:
-        """The memory to go on with: emptied where the episode `ended` bool[...], unless it is never to be."""
-        if not isinstance(memory, Window) or not self.config.context.reset:
-            return memory
-        return empty_where(memory, ended)
+    def next_episode(self, carry: Carry, ended: jax.Array) -> Carry:
+        """The carry to go on with: emptied where the episode `ended` bool[...], unless it is never to be."""
+        if not isinstance(carry, Window) or not self.config.context.reset:
+            return carry
+        return empty_where(carry, ended)
 
-    def context(self, memory: Memory) -> jax.Array:
-        """The context variable [..., output] of every window."""
-        if not isinstance(memory, Window):
-            raise ValueError(f"a network with context needs a window, got {type(memory).__name__}")
-        seen = self.see(memory.seen) if self.config.context.recompute else memory.seen
-        return self.context_encoder(memory, seen)
+    def context(self, carry: Carry | Segment, embedding: jax.Array | None = None, after: bool = False) -> jax.Array:
+        """The context variable of every window, [..., output], or of every step of segments, [..., S, output].
+
+        Segments whose embeddings are made anew need the `embedding` [..., S, E] of the steps' observations. With
+        `after`, the windows are those that a step leads to, before any new episode.
+        """
+        if not isinstance(carry, Window | Segment):
+            raise ValueError(f"a network with context needs a window, got {type(carry).__name__}")
+        window = carry.start if isinstance(carry, Segment) else carry
+        seen = self.see(window.seen) if self.config.context.recompute else window.seen
+        if isinstance(carry, Window):
+            return self.context_encoder(carry, seen)
+        return self.context_encoder.segment(carry, seen, embedding if carry.seen is None else carry.seen, after)

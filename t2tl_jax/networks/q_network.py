@@ -15,7 +15,7 @@ from flax import linen as nn
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import ContextConfig, ContextEncoder, Memory, MemoryNetwork
+from t2tl_jax.networks.context import Carry, ContextConfig, ContextEncoder, RecurrentNetwork
 from t2tl_jax.networks.task_encoder import TaskEncoder, TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
@@ -53,8 +53,8 @@ class QNetworkConfig:
             raise ValueError("a context needs a first layer of the state to embed observations, got state_layers=()")
 
 
-class QNetwork(MemoryNetwork):
-    """Q(s, task, a). Call `embed` once per gradient step. Without context the memory is `()`, and may be left out."""
+class QNetwork(RecurrentNetwork):
+    """Q(s, task, a). Call `embed` once per gradient step. Without context the carry is `()`, and may be left out."""
 
     config: QNetworkConfig
     num_actions: int
@@ -94,15 +94,15 @@ class QNetwork(MemoryNetwork):
         del observation_size
         return jnp.int32(0), self.config.state_layers[0]
 
-    def features(self, obs: jax.Array, memory: Memory = ()) -> jax.Array:
-        """obs [..., O], memory of [...] environments -> [..., task_layer], before the last activation.
+    def features(self, obs: jax.Array, carry: Carry = ()) -> jax.Array:
+        """obs [..., O], carry of [...] environments -> [..., task_layer], before the last activation.
 
         The same for all tasks, which see no window of their own but the one of the policy that acted.
         """
         for i, layer in enumerate(self.state_encoder[:-1]):
             obs = nn.relu(layer(obs))
             if i == 0 and self.config.context is not None:
-                obs = jnp.concatenate([obs, self.context(memory)], axis=-1)
+                obs = jnp.concatenate([obs, self.context(carry)], axis=-1)
         return self.state_encoder[-1](obs)
 
     def film(self, features: jax.Array, task: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -131,22 +131,22 @@ class QNetwork(MemoryNetwork):
             return advantage
         return state_value + advantage - advantage.mean(axis=-1, keepdims=True)
 
-    def every_row(self, obs: jax.Array, embedding: jax.Array, memory: Memory = ()) -> jax.Array:
+    def every_row(self, obs: jax.Array, embedding: jax.Array, carry: Carry = ()) -> jax.Array:
         """Q of every row for each state: obs [B, O], embedding [rows, dim] -> [B, rows, actions]."""
-        features = self.features(obs, memory)
+        features = self.features(obs, carry)
         if self.config.head == "film":
             return self.dueling(*self.film(features[:, None, :], embedding[None, :, :]))
         both = jnp.einsum("bea,re->bra", self.matrices(features), self.codes(embedding))
         return self.dueling(both[..., 1:], both[..., :1])
 
-    def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, memory: Memory = ()) -> jax.Array:
+    def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, carry: Carry = ()) -> jax.Array:
         """Q of one row for each state: obs [B, O], embedding [rows, dim], row int32[B] -> [B, actions]."""
-        features = self.features(obs, memory)
+        features = self.features(obs, carry)
         if self.config.head == "film":
             return self.dueling(*self.film(features, embedding[row]))
         both = jnp.einsum("bea,be->ba", self.matrices(features), self.codes(embedding)[row])
         return self.dueling(both[..., 1:], both[..., :1])
 
-    def initialise(self, table: TaskTable, obs: jax.Array, memory: Memory = ()) -> jax.Array:
-        """Touch every part once: `init(key, table, obs, memory, method="initialise")` makes all parameters."""
-        return self.every_row(obs, self.embed(table), memory)
+    def initialise(self, table: TaskTable, obs: jax.Array, carry: Carry = ()) -> jax.Array:
+        """Touch every part once: `init(key, table, obs, carry, method="initialise")` makes all parameters."""
+        return self.every_row(obs, self.embed(table), carry)

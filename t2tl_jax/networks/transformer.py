@@ -17,6 +17,14 @@ from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 
 LAYER_NORM_EPSILON = 1e-5
 
+SHORT = 12
+"""Up to this many tokens, attention multiplies and adds instead of calling for matrix products.
+
+Head by head those are tiny, 8 x 4 by 4 x 8 in the context: gradient included, attention over 2,048 windows of 8 tokens
+takes 40 ms with them on two CPU cores and 15 ms without. At 16 tokens nothing is left to gain, at 40 it is slower.
+An H100 gains 15 to 40 %.
+"""
+
 
 @dataclass(frozen=True)
 class TransformerConfig(TaskEncoderConfig):
@@ -72,6 +80,26 @@ def sinusoidal_positions(length: int, width: int) -> np.ndarray:
     return table
 
 
+def short_attention(
+    query: jax.Array,
+    key: jax.Array,
+    value: jax.Array,
+    mask: jax.Array | None = None,
+    module: nn.Module | None = None,
+) -> jax.Array:
+    """What `nn.dot_product_attention` gives, to rounding: [B, L, heads, D] each, mask bool[B, 1, 1, L] of keys."""
+    # Left to itself, XLA for CPUs fuses the projections' biases into these loops, which then gain nothing at all.
+    query, key, value = jax.lax.optimization_barrier((query, key, value))
+    query = query / query.shape[-1] ** 0.5
+    score = (query[:, :, None] * key[:, None]).sum(-1)  # [B, queries, keys, heads]
+    if mask is not None:
+        score = jnp.where(mask[:, :, 0, :, None], score, jnp.finfo(score.dtype).min)
+    weight = nn.softmax(score, axis=2)
+    if module is not None:
+        module.sow("intermediates", "attention_weights", jnp.moveaxis(weight, 3, 1))
+    return (weight[..., None] * value[:, None]).sum(2)
+
+
 class EncoderLayer(nn.Module):
     """Self-attention, then a position-wise network, each beside a skip: x' = MSA(LN x) + x, then MLP(LN x') + x'."""
 
@@ -87,6 +115,7 @@ class EncoderLayer(nn.Module):
             num_heads=config.heads,
             kernel_init=joint_qkv(scale * 2**0.5 if config.t_fixup else 1.0),
             out_kernel_init=unit_norm(scale),
+            attention_fn=short_attention if x.shape[1] <= SHORT else nn.dot_product_attention,
             name="attention",
         )
 

@@ -1,4 +1,8 @@
-"""``metrics.csv``: one row per iteration and seed. Holds no clock times, so that equal runs give equal files."""
+"""``metrics.csv``: one row per iteration and seed. Holds no clock times, so that equal runs give equal files.
+
+Columns go by their names: a file of another version, with fewer, more or other columns than are written today, is read
+all the same.
+"""
 
 import csv
 import io
@@ -17,11 +21,13 @@ EPISODE_COLUMNS = (
     "success_rate",
     "violation_rate",
     "timeout_rate",
+    "env_termination_rate",
     "discounted_return",
     "length",
     "success_length",
 )
-FIXED_COLUMNS = ("iteration", "frames", "seed", *EPISODE_COLUMNS)
+KEY_COLUMNS = ("iteration", "frames", "seed")
+FIXED_COLUMNS = (*KEY_COLUMNS, *EPISODE_COLUMNS)
 
 
 class MetricsFileError(ValueError):
@@ -62,6 +68,7 @@ def _averages(totals: EpisodeTotals, index: int) -> dict[str, float | int | None
         "success_rate": over(episodes, totals.successes),
         "violation_rate": over(episodes, totals.violations),
         "timeout_rate": over(episodes, totals.timeouts),
+        "env_termination_rate": over(episodes, totals.env_terminations),
         "discounted_return": over(episodes, totals.discounted_return),
         "length": over(episodes, totals.length),
         "success_length": over(successes, totals.success_length),
@@ -90,16 +97,16 @@ class MetricsFile:
         self._file = open(self.path, "a", newline="", encoding="utf-8")  # noqa: SIM115, open for the whole run
 
     def append(self, new_rows: Sequence[Mapping[str, float | int | None]]) -> None:
-        """Write rows, and the header before the first of them; the columns must be those of the header."""
+        """Write rows, and the header before the first of them; the columns must be those of the header, in any order."""
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         for row in new_rows:
             if self._header is None:
                 self._header = list(row)
                 writer.writerow(self._header)
-            if list(row) != self._header:
+            if set(row) != set(self._header):
                 raise MetricsFileError(f"{self.path} has the columns {self._header}, not {list(row)}")
-            writer.writerow([_cell(value) for value in row.values()])
+            writer.writerow([_cell(row[name]) for name in self._header])
         # One write for the rows of an iteration, so that a killed process hardly ever leaves half of them.
         self._file.write(buffer.getvalue())
         self._file.flush()
@@ -163,23 +170,26 @@ def _parse(path: Path, lines: Sequence[str]) -> dict[str, np.ndarray]:
         header, *table = list(csv.reader(lines, quoting=csv.QUOTE_NONE)) or [[]]  # so one line is one row
     except csv.Error as error:
         raise MetricsFileError(f"{path} is damaged: {error}") from error
-    if not table or tuple(header[: len(FIXED_COLUMNS)]) != FIXED_COLUMNS:
-        raise MetricsFileError(f"{path} is not a metrics file" if table else f"{path} holds no metrics yet")
+    if not table:
+        raise MetricsFileError(f"{path} holds no metrics yet")
+    if not set(KEY_COLUMNS) <= set(header) or len(set(header)) < len(header):
+        raise MetricsFileError(f"{path} is not a metrics file")
+    keys = [header.index(name) for name in KEY_COLUMNS]
     cells = np.empty((len(table), len(header)))
     for index, row in enumerate(table):
         try:
-            cells[index] = _numbers(row, len(header))
+            cells[index] = _numbers(row, len(header), keys)
         except ValueError as error:
             raise MetricsFileError(f"{path} is damaged in line {index + 2}: {error}") from error
     return dict(zip(header, cells.T, strict=True))
 
 
-def _numbers(row: Sequence[str], count: int) -> list[float]:
+def _numbers(row: Sequence[str], count: int, keys: Sequence[int]) -> list[float]:
     if len(row) != count:
         raise ValueError(f"{len(row)} cells instead of {count}")
     numbers = [float(cell) if cell else np.nan for cell in row]
-    if not all(map(math.isfinite, numbers[:3])):
-        raise ValueError(f"iteration, frames or seed is missing in {','.join(row[:3])!r}")
+    if not all(math.isfinite(numbers[key]) for key in keys):
+        raise ValueError(f"iteration, frames or seed is missing in {','.join(row[key] for key in keys)!r}")
     return numbers
 
 

@@ -1,6 +1,6 @@
 """A learner of one seed made into the one compiled program that trains all seeds of a run."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,8 +8,12 @@ import jax
 import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec
 
+from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.seeds import TRAINING, seed_sharding, stream_keys
 from t2tl_jax.training.types import Agent
+
+OVER_SEEDS = TaskParams(env=0, table=None)  # type: ignore[arg-type]
+"""Axes of the parameters that all seeds are given: what the environment varies is stacked, the table is the same."""
 
 
 @dataclass(frozen=True)
@@ -18,77 +22,87 @@ class Program:
 
     keys: jax.Array
     """``key[seeds]``: the training stream of each seed."""
+    env_params: TaskParams
+    """What was given to `trace`, on its devices."""
     state: Any
     """Shapes and dtypes of the training state, as a tree of ``jax.ShapeDtypeStruct``."""
     sharding: NamedSharding | None
     """Placement of the seeds; None on a single device."""
     lowered_init: Any
-    """``keys -> state``, ready to compile."""
+    """``(keys, env_params) -> state``, ready to compile."""
     lowered_iterate: Any
-    """``state -> (state, Metrics)``, ready to compile; the given state's memory is reused for the result."""
-    lowered_renew: Any = None
-    """``(state, table) -> state``, ready to compile: all seeds go on with one new table. None where tasks are fixed."""
+    """``(state, env_params) -> (state, Metrics)``, ready to compile; the given state's memory is reused."""
+    lowered_restart: Any = None
+    """``(state, env_params) -> state``, ready to compile: all seeds go on with the tasks of another table of the same
+    shapes; the given state's memory is reused. None unless asked for."""
 
 
-def trace(agent: Agent | Callable[[jax.Array], Agent], seeds: Sequence[int]) -> Program:
+def params_of_seeds(env: TaskEnv, seeds: Sequence[int], training: bool = True) -> TaskParams:
+    """The environment's parameters of every seed with a leading axis [seeds], and one table; see `TaskEnv.make_params`.
+
+    Raises:
+        ValueError: for a seed that the environment has nothing for.
+    """
+    each = [env.make_params(seed, training) for seed in seeds]
+    return TaskParams(env=jax.tree.map(lambda *x: np.stack(x), *(own.env for own in each)), table=each[0].table)
+
+
+def place_params(env_params: TaskParams, sharding: NamedSharding | None) -> TaskParams:
+    """Parameters of all seeds on their devices, which every device shares the table of."""
+    return jax.device_put(env_params, _placement(sharding))
+
+
+def trace(agent: Agent, seeds: Sequence[int], env_params: TaskParams, restartable: bool = False) -> Program:
     """Vmap a learner over seeds and trace it, which finds most mistakes before anything is compiled or written.
 
     A single seed gets a leading axis as well, so that there is one kind of program.
 
     Args:
-        agent: the learner, or the learner of each seed as a function of its number (``uint32`` scalar, traced).
+        agent: the learner.
         seeds: their numbers.
+        env_params: of `params_of_seeds`.
+        restartable: whether the tasks are to change during training.
 
     Raises:
         TypeError: if ``agent.iterate`` returns a state of other shapes or dtypes than it was given.
+        ValueError: if the tasks of this learner cannot change.
     """
+    if restartable and agent.restart is None:
+        raise ValueError("this learner cannot go on with other tasks: it remembers steps of the former ones")
     sharding = seed_sharding(len(seeds))
-    placement: dict[str, Any] = {} if sharding is None else {"in_shardings": sharding, "out_shardings": sharding}
-    keys = stream_keys(seeds, TRAINING)
-    if sharding is not None:
-        keys = jax.device_put(keys, sharding)
-    numbers = np.asarray(seeds, np.uint32)
+    tasks = _placement(sharding)
+    keys = jax.device_put(stream_keys(seeds, TRAINING), sharding)
+    env_params = place_params(env_params, sharding)
 
-    def of_seed(seed: jax.Array) -> Agent:
-        return agent if isinstance(agent, Agent) else agent(seed)
+    def compiled(function: Any, over: Any, **options: Any) -> Any:
+        placement = {} if sharding is None else {"in_shardings": (sharding, tasks), "out_shardings": sharding}
+        return jax.jit(jax.vmap(function, in_axes=over), **placement, **options)
 
-    def init_all(keys: jax.Array) -> Any:
-        return jax.vmap(lambda seed, key: _strongly_typed(of_seed(seed).init(key)))(numbers, keys)
+    axes = (0, OVER_SEEDS)
+    init = compiled(lambda key, env_params: _strongly_typed(agent.init(key, env_params)), axes)
+    state = _shapes(jax.eval_shape(init, keys, env_params))
+    lowered_iterate = compiled(agent.iterate, axes, donate_argnums=0).lower(state, env_params)
+    _require_same("iterate", state, _shapes(lowered_iterate.out_info[0]))
+    lowered_restart = None
+    if restartable:
+        lowered_restart = compiled(agent.restart, axes, donate_argnums=0).lower(state, env_params)
+        _require_same("restart", state, _shapes(lowered_restart.out_info))
+    return Program(
+        keys=keys,
+        env_params=env_params,
+        state=state,
+        sharding=sharding,
+        lowered_init=init.lower(keys, env_params),
+        lowered_iterate=lowered_iterate,
+        lowered_restart=lowered_restart,
+    )
 
-    def iterate_all(states: Any) -> Any:
-        return jax.vmap(lambda seed, state: of_seed(seed).iterate(state))(numbers, states)
 
-    init = jax.jit(init_all, **placement)
-    iterate = jax.jit(iterate_all, donate_argnums=0, **placement)
-    state = _shapes(jax.eval_shape(init, keys))
-    lowered = iterate.lower(state)
-    _require_same(state, _shapes(lowered.out_info[0]))
-    return Program(keys, state, sharding, init.lower(keys), lowered, _lower_renew(of_seed, numbers, state, sharding))
-
-
-def _lower_renew(
-    of_seed: Callable[[jax.Array], Agent], numbers: np.ndarray, state: Any, sharding: NamedSharding | None
-) -> Any:
-    tables = getattr(state, "table", None)
-    if tables is None:
+def _placement(sharding: NamedSharding | None) -> Any:
+    """Where the parameters of all seeds lie: the environment's with their seeds, the table on every device."""
+    if sharding is None:
         return None
-
-    def renew_all(states: Any, table: Any) -> Any:
-        def one(seed: jax.Array, state: Any) -> Any:
-            renew = of_seed(seed).renew
-            assert renew is not None, "a state with a table comes with a way to renew it"
-            return renew(state, table)
-
-        return jax.vmap(one)(jax.numpy.asarray(numbers), states)
-
-    placement: dict[str, Any] = {}
-    if sharding is not None:
-        everywhere = NamedSharding(sharding.mesh, PartitionSpec())
-        placement = {"in_shardings": (sharding, everywhere), "out_shardings": sharding}
-    table = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), tables)
-    lowered = jax.jit(renew_all, donate_argnums=0, **placement).lower(state, table)
-    _require_same(state, _shapes(lowered.out_info))
-    return lowered
+    return TaskParams(env=sharding, table=NamedSharding(sharding.mesh, PartitionSpec()))  # type: ignore[arg-type]
 
 
 def _strongly_typed(tree: Any) -> Any:
@@ -100,13 +114,13 @@ def _shapes(tree: Any) -> Any:
     return jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), tree)
 
 
-def _require_same(before: Any, after: Any) -> None:
+def _require_same(function: str, before: Any, after: Any) -> None:
     old, new = jax.tree_util.tree_leaves_with_path(before), jax.tree_util.tree_leaves_with_path(after)
     if [path for path, _ in old] != [path for path, _ in new]:
-        raise TypeError("iterate returned a training state of another structure than it was given")
+        raise TypeError(f"{function} returned a training state of another structure than it was given")
     for (path, a), (_, b) in zip(old, new, strict=True):
         if a.shape != b.shape or a.dtype != b.dtype:
             raise TypeError(
-                f"iterate changed train_state{jax.tree_util.keystr(path)} from {a.dtype}{list(a.shape)}"
+                f"{function} changed train_state{jax.tree_util.keystr(path)} from {a.dtype}{list(a.shape)}"
                 f" to {b.dtype}{list(b.shape)} (first axis: seeds)"
             )

@@ -1,6 +1,5 @@
 """Moving a pre-trained task encoder into a training state that has not learned anything yet."""
 
-import dataclasses
 from typing import Any
 
 import jax
@@ -8,13 +7,10 @@ import numpy as np
 from jax.sharding import NamedSharding
 
 from t2tl_jax.training.seeds import place
-from t2tl_jax.training.types import Params
+from t2tl_jax.training.types import Agent, Params
 
 PART = "task_encoder"
 """Name of the encoder among the parameters of every network."""
-
-HOLDERS = ("params", "best_params", "target_params")
-"""Parts of a training state that hold the parameters of a network."""
 
 
 def seed_index(seeds: tuple[int, ...], wanted: tuple[int, ...]) -> np.ndarray:
@@ -37,8 +33,8 @@ def task_encoder(params: Params, index: np.ndarray) -> Params:
     return jax.tree.map(lambda x: np.asarray(x)[index], params["params"][PART])
 
 
-def adopt(train_state: Any, encoder: Params, sharding: NamedSharding | None = None) -> Any:
-    """The state with `encoder` in place of its task encoder, wherever it holds one; all with leading axis [seeds].
+def adopt(agent: Agent, train_state: Any, encoder: Params, sharding: NamedSharding | None = None) -> Any:
+    """The agent's state with `encoder` in place of its task encoder, wherever it holds one; leading axes [seeds].
 
     Nothing else changes: other layers and the optimiser start fresh.
 
@@ -53,8 +49,7 @@ def adopt(train_state: Any, encoder: Params, sharding: NamedSharding | None = No
             raise ValueError(f"the pre-trained encoder has arrays {_sizes(new)}, this one has {_sizes(own)}")
         return {**params, "params": {**params["params"], PART: place(encoder, sharding)}}
 
-    holders = [name for name in HOLDERS if hasattr(train_state, name)]
-    return dataclasses.replace(train_state, **{name: into(getattr(train_state, name)) for name in holders})
+    return agent.map_params(train_state, into)
 
 
 def _sizes(leaves: Any) -> str:

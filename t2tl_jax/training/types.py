@@ -1,31 +1,39 @@
 """What a learner offers to the runner, to evaluation and to the plots: a few pure functions.
 
-Every function works on one seed and holds no state, so the runner vmaps it over seeds (and jits it once).
+Every function works on one seed and holds no state, so the runner vmaps it over seeds (and jits it once). What varies
+between seeds and tasks comes in as an argument, `env_params`.
 """
 
+import abc
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
 from flax import struct
 
+from t2tl_jax import checks
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.task_env import TaskParams
+
 Params = Any  # the variables of a Flax module
-PolicyMemory = Any  # a pytree: what a policy carries from step to step of an episode
+Carry = Any  # a pytree: what a policy takes from step to step of an episode
 
 
 @struct.dataclass
 class EpisodeTotals:
     """Sums over the episodes that finished during one iteration; all scalars, so that they add up over iterations.
 
-    `discounted_return` is the paper's "average discounted return" before averaging: undiscounted return of the episode
-    times gamma^(length - 1). Lengths count environment steps.
+    Every episode counts as exactly one of success, violation, timeout and env_termination. `discounted_return` is the
+    paper's "average discounted return" before averaging: the sum of discount^t r_t from t = 0. Lengths count steps.
     """
 
     episodes: jax.Array  # int32
     successes: jax.Array  # int32, formula became true
     violations: jax.Array  # int32, formula became false
     timeouts: jax.Array  # int32, cut by the time limit
+    env_terminations: jax.Array  # int32, ended by the environment itself while the task was open
     discounted_return: jax.Array  # float32
     length: jax.Array  # float32
     success_length: jax.Array  # float32, over successes only
@@ -47,41 +55,70 @@ class TrainState(Protocol):
     best_score: jax.Array  # float32 scalar, -inf before the first score
 
 
+@dataclass(frozen=True)
+class LearnerConfig(abc.ABC):
+    """What every learner's configuration has; the base class of PPO's, DQN's, and a user's own."""
+
+    network: Any
+    """The networks of the learner."""
+    discount: float
+    """Discount factor gamma."""
+
+    @property
+    @abc.abstractmethod
+    def frames_per_iteration(self) -> int:
+        """Environment steps in one iteration, of all environments together."""
+
+    @property
+    def max_frames(self) -> int:
+        """The most frames for which no 32-bit counter overflows; by default iterations are all that is counted."""
+        return checks.COUNTER_LIMIT * self.frames_per_iteration
+
+
+def map_params(train_state: Any, function: Callable[[Params], Params]) -> Any:
+    """The state with `function` applied to the parameters that every `TrainState` has."""
+    return replace(train_state, params=function(train_state.params), best_params=function(train_state.best_params))
+
+
 class Agent(NamedTuple):
     """A learner as pure functions of one seed.
 
-    init(key) -> train_state
-    iterate(train_state) -> (train_state, Metrics); advances training by `frames_per_iteration` environment steps
-    embed(params) -> float32[rows, dim]: the task encoder's output for every row of the task table, computed once
-    begin() -> memory of one environment: what the policy remembers of an episode, at its start; () for nothing
-    act(params, embedding, memory, obs, row, key, deterministic) -> action; obs [..., O], row int32[...]
-    remember(params, memory, obs, action, reward) -> memory after a step: `action` was taken on `obs`, `reward` [...]
+    init(key, env_params) -> train_state
+    iterate(train_state, env_params) -> (train_state, Metrics); advances training by `frames_per_iteration` environment
+        steps
+    embed(params, table) -> float32[rows, dim]: the task encoder's output for every row of the task table
+    begin() -> carry of one environment: what the policy takes from step to step, at the start of an episode; () for
+        nothing
+    act(params, embedding, carry, obs, row, key, deterministic) -> action; obs [..., O], row int32[...]
+    remember(params, carry, obs, action, reward) -> carry after a step: `action` was taken on `obs`, `reward` [...]
         followed. When the episode ends, go on with `begin()`.
-    renew(train_state, table) -> train_state that goes on with the tasks of another table of the same shapes; None for
-    learners whose tasks are fixed. The state then has the current table as its attribute `table`.
-    compare(params, memory, obs, task, other) -> (policy float32[B], value float32[B]): how much the policy changes and
+    restart(train_state, env_params) -> train_state that goes on with other tasks, in a table of the same shapes:
+        episodes under way are dropped, and scores on the former tasks. None for learners whose tasks are fixed.
+    compare(params, carry, obs, task, other) -> (policy float32[B], value float32[B]): how much the policy changes and
         by how much the value rises at obs [B, O] when the code of the task is `other` instead of `task`, both [dim]. Of
         the policy, the KL divergence KL(task || other) in nats, or for action values 1 where the greedy action is
         another one, else 0. None for learners that do not offer it.
+    map_params(train_state, function) -> train_state with `function` applied to every set of the network's parameters
+        that it holds.
 
-    The arrays of a memory have the leading axes of `obs`.
+    `env_params` are those of the `TaskEnv`; params are the network's. The arrays of a carry have the leading axes of
+    `obs`.
     """
 
-    init: Callable[[jax.Array], Any]
-    iterate: Callable[[Any], tuple[Any, Metrics]]
-    embed: Callable[[Params], jax.Array]
-    act: Callable[[Params, jax.Array, PolicyMemory, jax.Array, jax.Array, jax.Array, bool], jax.Array]
+    init: Callable[[jax.Array, TaskParams], Any]
+    iterate: Callable[[Any, TaskParams], tuple[Any, Metrics]]
+    embed: Callable[[Params, TaskTable], jax.Array]
+    act: Callable[[Params, jax.Array, Carry, jax.Array, jax.Array, jax.Array, bool], jax.Array]
     frames_per_iteration: int
-    renew: Callable[[Any, Any], Any] | None = None
-    begin: Callable[[], PolicyMemory] = lambda: ()
-    remember: Callable[[Params, PolicyMemory, jax.Array, jax.Array, jax.Array], PolicyMemory] = (
-        lambda params, memory, obs, action, reward: memory
+    begin: Callable[[], Carry] = lambda: ()
+    remember: Callable[[Params, Carry, jax.Array, jax.Array, jax.Array], Carry] = (
+        lambda params, carry, obs, action, reward: carry
     )
-    compare: Callable[[Params, PolicyMemory, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]] | None = (
-        None
-    )
+    restart: Callable[[Any, TaskParams], Any] | None = None
+    compare: Callable[[Params, Carry, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]] | None = None
+    map_params: Callable[[Any, Callable[[Params], Params]], Any] = map_params
 
 
-def repeated(memory: PolicyMemory, size: int) -> PolicyMemory:
-    """The same memory for each of `size` environments, leading axis [size]."""
-    return jax.tree.map(lambda x: jnp.broadcast_to(x, (size, *x.shape)), memory)
+def repeated(carry: Carry, size: int) -> Carry:
+    """The same carry for each of `size` environments, leading axis [size]."""
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (size, *x.shape)), carry)

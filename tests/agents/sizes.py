@@ -6,7 +6,7 @@ from t2tl_jax.networks.transformer import TransformerConfig
 TRANSFORMER = TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8)
 PPO = PPOConfig(
     num_envs=16,
-    rollout_steps=16,
+    unroll_length=16,
     epochs=4,
     minibatch_size=64,
     discount=0.9,

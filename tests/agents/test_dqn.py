@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.dqn import DQNConfig, Transition, dqn_loss, epsilon, make_dqn, targets
+from t2tl_jax.agents.dqn import DQNConfig, Transition, dqn_loss, epsilon, make_dqn, td_targets
 from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines, progress
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoders import embedding_size
@@ -26,7 +26,7 @@ NETWORK = QNetworkConfig(
 ONE_HOT = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster where the encoder does not matter
 DQN = DQNConfig(
     num_envs=8,
-    steps_per_iteration=50,
+    unroll_length=50,
     batch_size=64,
     buffer_size=2000,
     learning_starts=100,
@@ -46,7 +46,7 @@ def env():
 
 
 def make(env, network=NETWORK, iterations=20, **changes):
-    return make_dqn(env, network, dataclasses.replace(DQN, **changes), episode_length=20, iterations=iterations)
+    return make_dqn(env, dataclasses.replace(DQN, network=network, **changes), episode_length=20, iterations=iterations)
 
 
 @pytest.mark.parametrize("double", [True, False])
@@ -69,7 +69,7 @@ def test_counterfactual_targets_equal_a_slow_loop_over_formulas(env, double, pri
     letter = np.array([int(table.letter(jnp.array([p in labels[k] for p in table.propositions]))) for k in drawn])
     cut, over = rng.random(size) < 0.3, rng.random(size) < 0.3
     paid = rng.normal(size=size).astype(np.float32)
-    fast = targets(config, table, online, target, Shared(letter, paid, over), cut)
+    fast = td_targets(config, table, online, target, Shared(letter, paid, over), cut)
 
     row_of = {table.formula(row): row for row in range(rows)}
     for b in range(size):
@@ -104,19 +104,19 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
     embedding = network.apply(params, table, method="embed")
     q = network.apply(params, batch.obs, embedding, method="every_row")
     after = network.apply(params, batch.next_obs, embedding, method="every_row")
-    goal = targets(DQN, table, after, after, batch.shared, batch.cut)
+    goal = td_targets(DQN, table, after, after, batch.shared, batch.cut)
     error = np.abs(np.asarray(q[np.arange(size), :, batch.action] - goal))
     huber = np.where(error < 1, 0.5 * error**2, error - 0.5)
 
-    def loss(simultaneous, **changes):
-        config = dataclasses.replace(DQN, simultaneous=simultaneous, **changes)
+    def loss(counterfactual, **changes):
+        config = dataclasses.replace(DQN, counterfactual=counterfactual, **changes)
         return dqn_loss(config, network, table, params, embedding, params, embedding, batch)[0]
 
     assert loss(True) == pytest.approx(huber[:, np.asarray(table.verdict) == 0].mean(), rel=1e-4)
     assert loss(False) == pytest.approx(huber[:, 3].mean(), rel=1e-4)
     for switches in ({"printed_argmax": True}, {"double": False}, {"timeout_is_terminal": True}):
         config = dataclasses.replace(DQN, **switches)
-        goal = targets(config, table, after, after, batch.shared, batch.cut)[:, 3]
+        goal = td_targets(config, table, after, after, batch.shared, batch.cut)[:, 3]
         error = np.abs(np.asarray(q[np.arange(size), 3, batch.action] - goal))
         expected = np.where(error < 1, 0.5 * error**2, error - 0.5).mean()
         assert loss(False, **switches) == pytest.approx(expected, rel=1e-4), switches
@@ -148,11 +148,12 @@ def test_one_row_at_a_time_equals_every_row(env, head):
 @pytest.mark.parametrize("network", [NETWORK, dataclasses.replace(ONE_HOT, head="bilinear")])
 def test_probe_is_solved(env, network):
     agent = make(env, network)
-    state = jax.jit(agent.init)(jax.random.key(0))
+    given = env.make_params(0)
+    state = jax.jit(agent.init)(jax.random.key(0), given)
     iterate = jax.jit(agent.iterate, donate_argnums=0)
     for _ in range(20):
-        state, _ = iterate(state)
-    embedding, row, steps = agent.embed(state.params), env.table.initial_row[0], 0
+        state, _ = iterate(state, given)
+    embedding, row, steps = agent.embed(state.params, env.table), env.table.initial_row[0], 0
     env_state = env.reset_to_row(jax.random.key(1), row)
     while not env_state.done and steps < 10:
         action = agent.act(state.params, embedding, (), env_state.obs, env.row(env_state), jax.random.key(2), True)
@@ -172,37 +173,40 @@ def test_epsilon_falls_linearly_and_stays():
 
 @pytest.mark.slow
 def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
-    agent = make(env, ONE_HOT, steps_per_iteration=10, learning_starts=8 * 20, target_period=15)
+    agent = make(env, ONE_HOT, unroll_length=10, learning_starts=8 * 20, target_period=15)
     init, iterate = jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
-    start = init(jax.random.key(0))
-    one, _ = iterate(start)
-    two, _ = iterate(one)
+    given = env.make_params(0)
+    start = init(jax.random.key(0), given)
+    one, _ = iterate(start, given)
+    two, _ = iterate(one, given)
     chex.assert_trees_all_equal(two.params, start.params)  # 20 steps of 8 environments: not yet more than 160
-    three, _ = iterate(two)
+    three, _ = iterate(two, given)
     assert any((a != b).any() for a, b in zip(*map(jax.tree.leaves, (three.params, start.params)), strict=True))
     chex.assert_trees_all_equal(three.target_params, start.params)  # next copy at gradient step 30
-    four, _ = iterate(three)
+    four, _ = iterate(three, given)
     assert any((a != b).any() for a, b in zip(*map(jax.tree.leaves, (four.target_params, start.params)), strict=True))
     assert four.iteration == 4 and iterate._cache_size() == 1  # traced and compiled once
 
 
 @pytest.mark.slow
 def test_a_frozen_encoder_stays_and_all_else_learns(env):
-    agent = make(env, dataclasses.replace(NETWORK, freeze_task_encoder=True), steps_per_iteration=20, learning_starts=8)
-    start = jax.jit(agent.init)(jax.random.key(0))
-    state, _ = jax.jit(agent.iterate)(start)
+    agent = make(env, dataclasses.replace(NETWORK, freeze_task_encoder=True), unroll_length=20, learning_starts=8)
+    given = env.make_params(0)
+    start = jax.jit(agent.init)(jax.random.key(0), given)
+    state, _ = jax.jit(agent.iterate)(start, given)
     before, after = start.params["params"], state.params["params"]
     chex.assert_trees_all_equal(after["task_encoder"], before["task_encoder"])
     for part in set(before) - {"task_encoder"}:
         leaves = zip(jax.tree.leaves(after[part]), jax.tree.leaves(before[part]), strict=True)
         assert any((a != b).any() for a, b in leaves), part
-    chex.assert_trees_all_close(state.target_embedding, agent.embed(state.params), atol=1e-6)
+    chex.assert_trees_all_close(state.target_embedding, agent.embed(state.params, env.table), atol=1e-6)
 
 
 @pytest.mark.slow
 def test_replay_wraps_around_and_keeps_the_newest(env):
-    agent = make(env, ONE_HOT, buffer_size=64, steps_per_iteration=20, learning_starts=10_000)
-    state, _ = jax.jit(agent.iterate)(jax.jit(agent.init)(jax.random.key(0)))
+    agent = make(env, ONE_HOT, buffer_size=64, unroll_length=20, learning_starts=10_000)
+    given = env.make_params(0)
+    state, _ = jax.jit(agent.iterate)(jax.jit(agent.init)(jax.random.key(0), given), given)
     assert state.buffer.is_full and state.buffer.current_index == (20 * 8) % 64
     stored = state.buffer.experience
     assert stored.obs.shape == (1, 64, 3)
@@ -212,10 +216,12 @@ def test_replay_wraps_around_and_keeps_the_newest(env):
 
 @pytest.mark.slow
 def test_vmapped_seeds_equal_single_seeds(env):
-    agent = make(env, ONE_HOT, steps_per_iteration=10, learning_starts=40)
+    agent = make(env, ONE_HOT, unroll_length=10, learning_starts=40)
     keys = jax.random.split(jax.random.key(3), 2)
-    together, metrics_all = jax.jit(jax.vmap(agent.iterate))(jax.jit(jax.vmap(agent.init))(keys))
-    alone, metrics_one = jax.jit(agent.iterate)(jax.jit(agent.init)(keys[1]))
+    given = env.make_params(0)
+    init, iterate = (jax.vmap(function, (0, None)) for function in (agent.init, agent.iterate))
+    together, metrics_all = jax.jit(iterate)(jax.jit(init)(keys, given), given)
+    alone, metrics_one = jax.jit(agent.iterate)(jax.jit(agent.init)(keys[1], given), given)
     chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], metrics_all), metrics_one, atol=1e-3)
     chex.assert_trees_all_equal(
         jax.tree.map(lambda x: x[1], together.buffer.experience.action), alone.buffer.experience.action
@@ -250,7 +256,7 @@ def test_reward_machine_targets_pay_by_transition():
     letter = np.array([int(table.letter(jnp.array([p in label for p in propositions]))) for label in labels])
     online, target = rng.normal(size=(2, len(labels), table.num_rows, 5)).astype(np.float32)
     nothing = np.zeros(len(labels), np.float32)
-    fast = targets(DQN, table, online, target, Shared(letter, nothing, nothing > 0), nothing > 0)
+    fast = td_targets(DQN, table, online, target, Shared(letter, nothing, nothing > 0), nothing > 0)
     machine = machines[0]
     row_of = {state: 2 + k for k, state in enumerate(machine.states)}
     for b, label in enumerate(labels):

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.dqn import DQNConfig, dqn_loss, make_dqn, targets
+from t2tl_jax.agents.dqn import DQNConfig, dqn_loss, make_dqn, td_targets
 from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.context import ContextConfig
@@ -22,8 +22,9 @@ pytestmark = pytest.mark.slow  # every test waits for the compilation of a learn
 CONTEXT = ContextConfig(length=2, transformer=TRANSFORMER)
 NETWORK = QNetworkConfig(task_encoder="one_hot", state_layers=(16, 16), task_layer=16, context=CONTEXT)
 DQN = DQNConfig(
+    network=NETWORK,
     num_envs=8,
-    steps_per_iteration=25,
+    unroll_length=25,
     batch_size=64,
     buffer_size=400,
     learning_starts=200,
@@ -40,8 +41,10 @@ def learner():
     """Environment, agent, its first state, and one iteration compiled."""
     probe = DiscreteCueEnv()
     env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
-    agent = make_dqn(env, NETWORK, DQN, EPISODE_LENGTH, iterations=60)
-    return env, agent, jax.jit(agent.init)(jax.random.key(0)), jax.jit(agent.iterate)
+    agent = make_dqn(env, DQN, EPISODE_LENGTH, iterations=60)
+    given, iterate = env.make_params(0), jax.jit(agent.iterate)
+    state = jax.jit(agent.init)(jax.random.key(0), given)
+    return env, agent, state, lambda state: iterate(state, given)
 
 
 def test_replay_keeps_the_window_that_acted(learner):
@@ -68,11 +71,11 @@ def test_replay_keeps_the_window_that_acted(learner):
         ages[50, i] = len(episode)
     assert (stored.steps.reward[:, :, -1] != 0).any() and stored.cut.any()
     np.testing.assert_array_equal(state.episodes.elapsed, ages[50])
-    np.testing.assert_array_equal(state.memory.valid.sum(axis=1), np.minimum(ages[50], 2))
+    np.testing.assert_array_equal(state.carry.valid.sum(axis=1), np.minimum(ages[50], 2))
 
 
-@pytest.mark.parametrize("simultaneous", [True, False])
-def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner, simultaneous):
+@pytest.mark.parametrize("counterfactual", [True, False])
+def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner, counterfactual):
     """The loss against one that takes the windows apart by hand and values one row at a time."""
     env, _, state, iterate = learner
     state, _ = iterate(state)
@@ -89,12 +92,12 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
 
     q = values(params, stored.obs, before)
     online, target = values(params, stored.next_obs, after), values(target_params, stored.next_obs, after)
-    goal = targets(DQN, table, online, target, stored.shared, stored.cut)
+    goal = td_targets(DQN, table, online, target, stored.shared, stored.cut)
     error = np.abs(np.asarray(q[np.arange(100), :, stored.action] - goal))
     huber = np.where(error < 1, 0.5 * error**2, error - 0.5)
     assert np.abs(values(params, stored.obs, after) - q).max() > 1e-2  # another window is another value
-    expected = huber[:, np.asarray(table.is_open)] if simultaneous else huber[np.arange(100), stored.row]
-    config = dataclasses.replace(DQN, simultaneous=simultaneous)
+    expected = huber[:, np.asarray(table.is_open)] if counterfactual else huber[np.arange(100), stored.row]
+    config = dataclasses.replace(DQN, counterfactual=counterfactual)
     loss = jax.jit(partial(dqn_loss, config, network, table))
     assert loss(params, embedding, target_params, embedding, stored)[0] == pytest.approx(expected.mean(), rel=1e-4)
 
@@ -105,11 +108,13 @@ def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner
         state, _ = iterate(state)
 
     def success(agent):
-        outcome = jax.jit(lambda p: play(env, agent, p, jax.random.key(1), 200, EPISODE_LENGTH, True))(state.params)
+        given, key = env.make_params(0), jax.random.key(1)
+        run = jax.jit(lambda params: play(env, agent, params, given, key, 200, EPISODE_LENGTH, 0.9, True))
+        outcome = run(state.params)
         return outcome.success.mean()
 
     assert success(agent) >= 0.98
-    assert success(agent._replace(remember=lambda params, memory, obs, action, reward: memory)) < 0.7
+    assert success(agent._replace(remember=lambda params, carry, obs, action, reward: carry)) < 0.7
 
 
 def test_impossible_settings_are_refused():

@@ -16,7 +16,7 @@ from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.rollout import generalised_advantages
+from t2tl_jax.training.advantages import generalised_advantages
 from tests.agents import sizes
 from tests.probe import CueEnv
 
@@ -27,7 +27,7 @@ NETWORK = NetworkConfig(
     task_encoder="one_hot", env_layers=(16,), actor_layers=(16,), critic_layers=(16,), value_scale=1.0, context=CONTEXT
 )
 # One minibatch: its probability ratios are those of the parameters that acted.
-PPO = dataclasses.replace(sizes.PPO, num_envs=32, rollout_steps=8, epochs=1, minibatch_size=256, learning_rate=1e-2)
+PPO = dataclasses.replace(sizes.PPO, num_envs=32, unroll_length=8, epochs=1, minibatch_size=256, learning_rate=1e-2)
 EPISODE_LENGTH = 5
 
 
@@ -35,7 +35,7 @@ def make(iterations=300, **changes):
     probe = CueEnv()
     env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
     network = dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, **changes))
-    return env, make_ppo(env, network, PPO, EPISODE_LENGTH, iterations)
+    return env, make_ppo(env, dataclasses.replace(PPO, network=network), EPISODE_LENGTH, iterations)
 
 
 values = []  # of the learner's last iterations: (value, next_value, ended), each [T, N]
@@ -52,9 +52,10 @@ def learner():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ppo, "generalised_advantages", spy)
-        key = jax.eval_shape(jax.random.key, 0)
-        iterate = jax.jit(agent.iterate).lower(jax.eval_shape(agent.init, key)).compile()
-    return env, agent, jax.jit(agent.init), iterate
+        key, given = jax.eval_shape(jax.random.key, 0), env.make_params(0)
+        iterate = jax.jit(agent.iterate).lower(jax.eval_shape(agent.init, key, given), given).compile()
+    init = jax.jit(agent.init)
+    return env, agent, lambda key: init(key, given), lambda state: iterate(state, given)
 
 
 def test_the_update_sees_the_window_that_acted(learner):
@@ -66,7 +67,7 @@ def test_the_update_sees_the_window_that_acted(learner):
         assert metrics.episodes.successes > 0 and metrics.episodes.timeouts > 0
         assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
         age = np.minimum(state.episodes.elapsed, CONTEXT.length)  # nothing is left of the episode before
-        np.testing.assert_array_equal(state.memory.valid.sum(axis=1), age)
+        np.testing.assert_array_equal(state.carry.valid.sum(axis=1), age)
 
 
 def test_the_value_after_a_step_is_that_of_the_window_after_the_step(learner):
@@ -82,13 +83,14 @@ def test_the_value_after_a_step_is_that_of_the_window_after_the_step(learner):
 
 @pytest.mark.parametrize("aligned", [True, False])
 def test_published_windows_run_on_and_belong_to_other_samples(aligned):
-    _, agent = make(reset=False, recompute=False, aligned=aligned)
-    state = jax.jit(agent.init)(jax.random.key(0))
+    env, agent = make(reset=False, recompute=False, aligned=aligned, segment_length=8 if aligned else 1)
+    given = env.make_params(0)
+    state = jax.jit(agent.init)(jax.random.key(0), given)
     iterate = jax.jit(agent.iterate)
     for _ in range(2):
-        state, metrics = iterate(state)
+        state, metrics = iterate(state, given)
         assert (abs(metrics.scalars["kl"]) < 1e-6) == aligned
-    assert state.memory.valid.all() and (state.episodes.elapsed == 0).any()
+    assert state.carry.valid.all() and (state.episodes.elapsed == 0).any()
 
 
 def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner):
@@ -99,11 +101,13 @@ def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner
     assert metrics.episodes.successes >= 0.95 * metrics.episodes.episodes
 
     def success(agent):
-        outcome = jax.jit(lambda p: play(env, agent, p, jax.random.key(1), 200, EPISODE_LENGTH, True))(state.params)
+        given, key = env.make_params(0), jax.random.key(1)
+        run = jax.jit(lambda params: play(env, agent, params, given, key, 200, EPISODE_LENGTH, 0.9, True))
+        outcome = run(state.params)
         return outcome.success.mean()
 
     assert success(agent) >= 0.98
-    forgetful = agent._replace(remember=lambda params, memory, obs, action, reward: memory)
+    forgetful = agent._replace(remember=lambda params, carry, obs, action, reward: carry)
     assert success(forgetful) < 0.7
 
 
@@ -113,8 +117,8 @@ def test_a_checkpoint_holds_the_windows(learner, tmp_path):
     with Checkpoints(tmp_path) as checkpoints:
         checkpoints.save(1, state, {})
         _, restored = checkpoints.restore(jax.eval_shape(lambda: state))
-    assert restored.memory.valid.any() and not restored.memory.valid.all()
-    chex.assert_trees_all_equal(restored.memory, state.memory)
+    assert restored.carry.valid.any() and not restored.carry.valid.all()
+    chex.assert_trees_all_equal(restored.carry, state.carry)
     resumed, straight = (iterate(jax.tree.map(jnp.asarray, start))[0] for start in (restored, state))
-    chex.assert_trees_all_equal(resumed.memory, straight.memory)
+    chex.assert_trees_all_equal(resumed.carry, straight.carry)
     chex.assert_trees_all_equal(resumed.params, straight.params)

@@ -22,7 +22,7 @@ NETWORK = NetworkConfig(
     actor_layers=(),
     critic_layers=(),
 )
-PPO = dataclasses.replace(sizes.PPO, entropy_coefficient=0.01)
+PPO = dataclasses.replace(sizes.PPO, network=NETWORK, entropy_coefficient=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -31,18 +31,19 @@ def probe():
     return TaskEnv(env, compile_tasks(["F(Up & F(Down & F Up))"], env.propositions, env.alphabet))
 
 
-def train(agent, iterations):
-    state, iterate = jax.jit(agent.init)(jax.random.key(0)), jax.jit(agent.iterate)
+def train(env, agent, iterations):
+    given = env.make_params(0)
+    state, iterate = jax.jit(agent.init)(jax.random.key(0), given), jax.jit(agent.iterate)
     for _ in range(iterations):
-        state, metrics = iterate(state)
+        state, metrics = iterate(state, given)
     return state, metrics
 
 
 @pytest.mark.slow
 def test_replaying_a_stored_rollout_gives_probability_ratio_one(probe):
-    config = dataclasses.replace(PPO, epochs=1, minibatch_size=256, learning_rate=0.0)
     network = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster
-    _, metrics = train(make_ppo(probe, network, config, episode_length=20, iterations=1), 1)
+    config = dataclasses.replace(PPO, network=network, epochs=1, minibatch_size=256, learning_rate=0.0)
+    _, metrics = train(probe, make_ppo(probe, config, episode_length=20, iterations=1), 1)
     assert metrics.episodes.episodes > 0
     assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
     assert 0 < metrics.scalars["entropy"] <= np.log(3) + 1e-6
@@ -52,12 +53,13 @@ def test_replaying_a_stored_rollout_gives_probability_ratio_one(probe):
 def test_probe_is_solved_by_choosing_while_the_frozen_encoder_stays(probe):
     """A random encoder tells the three sub-tasks apart, so the other layers can learn from it."""
     network = dataclasses.replace(NETWORK, env_layers=(16,), actor_layers=(16,), freeze_task_encoder=True)
-    agent = make_ppo(probe, network, PPO, episode_length=20, iterations=60)
-    start = jax.jit(agent.init)(jax.random.key(0)).params["params"]
-    state, metrics = train(agent, 60)
+    agent = make_ppo(probe, dataclasses.replace(PPO, network=network), episode_length=20, iterations=60)
+    start = jax.jit(agent.init)(jax.random.key(0), probe.make_params(0)).params["params"]
+    state, metrics = train(probe, agent, 60)
     assert metrics.episodes.length / metrics.episodes.episodes < 4.5  # optimal 3, at random about 9
     row = probe.table.initial_row[0]
-    action = agent.act(state.params, agent.embed(state.params), (), jnp.ones(3), row, jax.random.key(0), True)
+    embedding = agent.embed(state.params, probe.table)
+    action = agent.act(state.params, embedding, (), jnp.ones(3), row, jax.random.key(0), True)
     assert action == 1 and action.dtype == jnp.int32  # Up
     after = state.params["params"]
     chex.assert_trees_all_equal(start["task_encoder"], after["task_encoder"])
@@ -67,8 +69,8 @@ def test_probe_is_solved_by_choosing_while_the_frozen_encoder_stays(probe):
 def test_network_without_observation_has_one_linear_layer_each():
     env = SingleState()
     env = TaskEnv(env, compile_tasks(["F Red"], env.propositions, env.alphabet))
-    agent = make_ppo(env, NETWORK, PPO, episode_length=20, iterations=1)
-    params = jax.eval_shape(agent.init, jax.random.key(0)).params["params"]
+    agent = make_ppo(env, PPO, episode_length=20, iterations=1)
+    params = jax.eval_shape(agent.init, jax.random.key(0), env.make_params(0)).params["params"]
     shapes = jax.tree.map(jnp.shape, {name: params[name] for name in ("actor", "critic")})
     chex.assert_trees_all_equal(
         shapes,

@@ -13,7 +13,7 @@ from t2tl_jax.agents.ppo import PPOConfig, make_ppo
 from t2tl_jax.ltl import compile_pool, compile_tasks, named_task
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.transformer import TransformerConfig
-from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.task_env import TaskEnv, TaskParams
 
 NETWORK = NetworkConfig(
     transformer=TransformerConfig(layers=1, width=32, heads=2, feed_forward=64, output=8),
@@ -21,7 +21,9 @@ NETWORK = NetworkConfig(
     actor_layers=(),
     critic_layers=(),
 )
-PPO = PPOConfig(num_envs=8, rollout_steps=16, epochs=1, minibatch_size=64, discount=0.9, learning_rate=3e-3)
+PPO = PPOConfig(
+    network=NETWORK, num_envs=8, unroll_length=16, epochs=1, minibatch_size=64, discount=0.9, learning_rate=3e-3
+)
 
 
 def pool(number):
@@ -31,35 +33,34 @@ def pool(number):
 
 @pytest.fixture(scope="module")
 def learner():
-    """(agent, init, iterate, renew), compiled once for both tests."""
-    agent = make_ppo(TaskEnv(SingleState(), pool("evaluation")), NETWORK, PPO, 20, iterations=10, renewable=True)
-    return agent, jax.jit(agent.init), jax.jit(agent.iterate), jax.jit(agent.renew)
+    """(agent, init, iterate, restart), compiled once for both tests."""
+    agent = make_ppo(TaskEnv(SingleState(), pool("evaluation")), PPO, 20, iterations=10)
+    return agent, jax.jit(agent.init), jax.jit(agent.iterate), jax.jit(agent.restart)
 
 
 @pytest.mark.slow
 def test_tables_take_turns_in_one_program(learner):
-    agent, init, iterate, renew = learner
-    state = init(jax.random.key(0))
+    agent, init, iterate, restart = learner
+    state = init(jax.random.key(0), TaskParams((), pool("evaluation")))
     for number in range(3):
-        best, key = state.best_params, state.key
-        state = renew(state, pool(number))
-        chex.assert_trees_all_equal(state.table, pool(number))
+        best, key, given = state.best_params, state.key, TaskParams((), pool(number))
+        state = restart(state, given)
         chex.assert_trees_all_equal(state.best_params, best)
         assert state.best_score == -np.inf and (state.episodes.elapsed == 0).all()
         assert jax.random.key_data(state.key).tolist() != jax.random.key_data(key).tolist()
         rows = np.asarray(state.episodes.state.pipeline_state.row)
-        assert set(rows) <= set(np.asarray(state.table.initial_row)) and len(set(rows)) > 1
+        assert set(rows) <= set(np.asarray(given.table.initial_row)) and len(set(rows)) > 1
         for _ in range(2):
-            state, metrics = iterate(state)
+            state, metrics = iterate(state, given)
         assert metrics.episodes.episodes > 0 and all(np.isfinite(x) for x in metrics.scalars.values())
     assert state.iteration == 6
-    assert iterate._cache_size() == renew._cache_size() == 1  # traced and compiled once each
-    assert agent.embed(state.params).shape == (64, 8)  # of the environment's own table
+    assert iterate._cache_size() == restart._cache_size() == 1  # traced and compiled once each
+    assert agent.embed(state.params, pool(3)).shape == (64, 8)
 
 
 @pytest.mark.slow
 def test_left_over_rows_have_no_influence(learner):
-    _, init, iterate, renew = learner
+    _, init, iterate, restart = learner
     table = pool(0)
     unused = jnp.arange(64) > jnp.flatnonzero(table.verdict == 0).max()
     assert unused.sum() > 10
@@ -68,13 +69,18 @@ def test_left_over_rows_have_no_influence(learner):
         mask=jnp.where(unused[:, None], table.mask[2], table.mask),
         next_row=jnp.where(unused[:, None], 0, table.next_row),
     )
-    one, same = (iterate(renew(init(jax.random.key(1)), tasks))[0] for tasks in (table, other))
+
+    def one_iteration(tasks):
+        given = TaskParams((), tasks)
+        return iterate(restart(init(jax.random.key(1), given), given), given)[0]
+
+    one, same = one_iteration(table), one_iteration(other)
     chex.assert_trees_all_equal(one.params, same.params)
     chex.assert_trees_all_equal(one.episodes, same.episodes)
 
 
 def test_a_random_start_among_open_rows_never_takes_a_left_over_one():
-    env = TaskEnv(SingleState(), pool(0), simultaneous=1.0)
+    env = TaskEnv(SingleState(), pool(0), random_starts=1.0)
     state = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.key(0), 500))
     assert (env.table.verdict[state.pipeline_state.row] == 0).all()
 
@@ -87,16 +93,17 @@ def test_pretraining_learns_phi_zone_quickly():
     config = dataclasses.replace(
         PPO,
         num_envs=64,
-        rollout_steps=32,
+        unroll_length=32,
         epochs=4,
         minibatch_size=512,
         gae_lambda=0.5,
         entropy_coefficient=0.01,
         staggered_start=False,
     )
-    agent = make_ppo(TaskEnv(env, table), NETWORK, config, EPISODE_LENGTH, iterations=40)
-    state, iterate = jax.jit(agent.init)(jax.random.key(0)), jax.jit(agent.iterate)
+    given = TaskParams((), table)
+    agent = make_ppo(TaskEnv(env, table), config, EPISODE_LENGTH, iterations=40)
+    state, iterate = jax.jit(agent.init)(jax.random.key(0), given), jax.jit(agent.iterate)
     for _ in range(40):
-        state, metrics = iterate(state)
+        state, metrics = iterate(state, given)
     totals = metrics.episodes
     assert totals.successes == totals.episodes and totals.length / totals.episodes < 3.2  # at random 12

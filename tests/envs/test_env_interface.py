@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
 from envs.registry import make
+
 from envs.zones import ZoneConfig, ZoneEnv
 from envs.zones.point_robot import PointState
-from t2tl_jax.env import LabelledEnv
+from t2tl_jax.env import EnvConfig, LabelledEnv
 
 BATCH = 4
 
@@ -145,3 +145,5 @@ def test_registry():
     assert random.reset(jax.random.key(0)).pipeline_state.zones.shape == (8, 2)
     with pytest.raises(ValueError, match="did you mean 'Zones-25-v1'"):
         make("Zone-25")
+    with pytest.raises(ValueError, match="no environment goes with EnvConfig; known: ZoneConfig"):
+        make(EnvConfig())

@@ -7,12 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWrapper
-
 from envs.registry import CONFIGS, make
+
 from envs.waterworld import COLOURS, EPISODE_LENGTH, LETTERS, WaterWorld, WaterWorldConfig
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import WATER_PROPOSITIONS, compile_reward_machines, compile_tasks, named_machines, named_task
 from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.program import OVER_SEEDS, params_of_seeds
 
 BATCH = 8
 
@@ -127,7 +128,7 @@ def test_auto_reset_of_brax_restores_world_and_task(task_env):
 
 def test_random_play_of_phi_water(task_env):
     """The original's dynamics give a random player -1.00 after 62 steps in the mean (300 episodes)."""
-    rows, lengths, _ = _play_randomly(lambda _: task_env, jnp.arange(300))
+    rows, lengths, _ = _play_randomly(task_env, [0], 300)
     verdict = np.asarray(task_env.table.verdict)[rows]
     assert verdict.mean() < -0.97
     assert abs(lengths.mean() - 62) < 12
@@ -139,8 +140,7 @@ def test_random_play_of_the_original_single_task():
     water = WaterWorld(WaterWorldConfig(colours=LETTERS, layout="by_seed", pool_size=11, delay=1))
     table = compile_reward_machines(named_machines("rm_t10_published"), water.propositions)
     count = 10_000
-    numbers = jnp.arange(1, 11).repeat(count // 10)
-    rows, lengths, paid = _play_randomly(lambda number: TaskEnv(water.for_seed(number), table), numbers)
+    rows, lengths, paid = _play_randomly(TaskEnv(water, table), range(1, 11), count // 10)
     assert abs(lengths.mean() - 41.0) < 4 * lengths.std() * np.sqrt(2 / count)
     for published, here in ((0.0172, paid > 0), (0.0028, np.asarray(table.verdict)[rows] > 0)):
         assert abs(here.mean() - published) < 4 * np.sqrt(2 * published / count)  # both have a standard error
@@ -150,24 +150,23 @@ def test_random_play_of_the_original_single_task():
 def test_random_play_of_the_ten_published_tasks():
     """Share of random episodes that are paid, by task, and their length over maps 1 to 10 (the original: 1,200)."""
     water = WaterWorld(WaterWorldConfig(colours=LETTERS, layout="by_seed", pool_size=11, delay=1))
-    table = compile_reward_machines(named_machines("rm_water_published"), water.propositions)
+    env = TaskEnv(water, compile_reward_machines(named_machines("rm_water_published"), water.propositions))
     per_map = 600
 
-    def episode(number, key, turn):
-        env = TaskEnv(water.for_seed(number), table)
-
+    def episode(params, key, turn):
         def step(carry, key):
             state, length, total = carry
-            after, alive = env.step(state, jax.random.randint(key, (), 0, 5)), state.done == 0
+            after, alive = env.step(state, jax.random.randint(key, (), 0, 5), params), state.done == 0
             state = jax.tree.map(lambda new, old: jnp.where(alive, new, old), after, state)
             return (state, length + alive, total + alive * after.reward), None
 
         reset_key, action_key = jax.random.split(key)
-        start = (env.reset(reset_key, turn), jnp.int32(0), jnp.float32(0))
+        start = (env.reset(reset_key, params, turn), jnp.int32(0), jnp.float32(0))
         return jax.lax.scan(step, start, jax.random.split(action_key, EPISODE_LENGTH))[0][1:]
 
-    numbers, turns = jnp.repeat(jnp.arange(1, 11), per_map), jnp.arange(10 * per_map)
-    lengths, total = jax.jit(jax.vmap(episode))(numbers, jax.random.split(jax.random.key(0), 10 * per_map), turns)
+    keys, turns = jax.random.split(jax.random.key(0), (10, per_map)), jnp.arange(10 * per_map).reshape(10, per_map)
+    on_a_map = jax.vmap(episode, (None, 0, 0))
+    lengths, total = jax.jit(jax.vmap(on_a_map, (OVER_SEEDS, 0, 0)))(params_of_seeds(env, range(1, 11)), keys, turns)
     paid = np.asarray(total).reshape(-1, 10).mean(axis=0)
     published = np.array([0.90, 0.89, 0.93, 0.79, 0.80, 0.80, 0.68, 0.52, 0.02, 0.03])
     # 600 episodes here and 120 there for every task: 4 standard errors of the difference.
@@ -177,28 +176,27 @@ def test_random_play_of_the_ten_published_tasks():
     assert abs(lengths.mean() - 318) < 25
 
 
-def _play_randomly(env_of, numbers):
-    """Final rows, lengths and returns of episodes, cut after 600 steps, one in `env_of(number)` for every number."""
+def _play_randomly(env, seeds, each):
+    """Final rows, lengths and returns of episodes, cut after 600 steps, so many for each of the seeds."""
 
-    def episode(number, key):
-        env = env_of(number)
-
+    def episode(params, key):
         def goes_on(carry):
             state, length, _ = carry
             return (state.done == 0) & (length < EPISODE_LENGTH)
 
         def step(carry):
             state, length, total = carry
-            after = env.step(state, jax.random.randint(jax.random.fold_in(action_key, length), (), 0, 5))
+            after = env.step(state, jax.random.randint(jax.random.fold_in(action_key, length), (), 0, 5), params)
             return after, length + 1, total + after.reward
 
         reset_key, action_key = jax.random.split(key)
-        start = (env.reset(reset_key), jnp.int32(0), jnp.float32(0))
+        start = (env.reset(reset_key, params), jnp.int32(0), jnp.float32(0))
         state, length, total = jax.lax.while_loop(goes_on, step, start)
         return env.row(state), length, total
 
-    keys = jax.random.split(jax.random.key(0), len(numbers))
-    return jax.tree.map(np.asarray, jax.jit(jax.vmap(episode))(numbers, keys))
+    keys = jax.random.split(jax.random.key(0), (len(seeds), each))
+    play = jax.jit(jax.vmap(jax.vmap(episode, (None, 0)), (OVER_SEEDS, 0)))
+    return jax.tree.map(np.ravel, play(params_of_seeds(env, seeds), keys))
 
 
 def test_registry():

@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
 from envs.registry import make
+
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
 from tests.envs.waterworld_reference import published_map
 
@@ -84,10 +84,11 @@ def test_parameters_can_differ_within_a_batch():
     """Radius, speeds and arena of each environment its own; each equals an environment built with these numbers."""
     radii = jnp.array([15.0, 22.5, 37.5])
     base = WaterWorld(WaterWorldConfig(layout="random", pool_size=0))
+    sizes = jax.tree.map(jnp.asarray, base.make_params(0))
     batch = jax.vmap(
         lambda radius: dataclasses.replace(
-            base.params,
-            ball_radius=base.params.ball_radius.at[5:].set(radius),
+            sizes,
+            ball_radius=sizes.ball_radius.at[5:].set(radius),
             ball_speed=radius,
             velocity_limit=4 * radius,
             arena=jnp.array([400.0, 500.0]) + radius,
@@ -97,7 +98,7 @@ def test_parameters_can_differ_within_a_batch():
     actions = jax.random.randint(jax.random.key(4), (40, 3), 0, 5)
 
     def rollout(states, actions):
-        return jax.lax.scan(lambda s, a: (jax.vmap(base.step)(s, a), None), states, actions)[0]
+        return jax.lax.scan(lambda s, a: (jax.vmap(base.step)(s, a, batch), None), states, actions)[0]
 
     together = jax.jit(rollout)(jax.jit(jax.vmap(base.reset))(keys, batch), actions)
     for i, radius in enumerate(np.asarray(radii).tolist()):
@@ -116,19 +117,6 @@ def test_parameters_can_differ_within_a_batch():
         np.testing.assert_array_equal(together.pipeline_state.contact[i], state.pipeline_state.contact)
 
 
-def test_an_environment_can_be_built_from_traced_parameters():
-    """The other way round: the whole program under vmap, the parameters closed over, as a training would do it."""
-    config = WaterWorldConfig()
-
-    def first_observation(speed):
-        params = dataclasses.replace(WaterWorld(config).params, ball_speed=speed)
-        env = WaterWorld(config, params)
-        return env.step(env.reset(jax.random.key(0)), 0).pipeline_state.ball_velocities
-
-    velocities = jax.vmap(first_observation)(jnp.array([10.0, 60.0]))
-    np.testing.assert_allclose(jnp.linalg.norm(velocities, axis=-1), [[10.0] * 16, [60.0] * 16], rtol=1e-5)
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -138,6 +126,7 @@ def test_an_environment_can_be_built_from_traced_parameters():
         ({"colours": ()}, "one or more different names"),
         ({"colours": ("Red", "Red")}, "one or more different names"),
         ({"balls_per_colour": 0}, "at least one ball"),
+        ({"map_number": -1}, "map_number is -1; maps are numbered from 0"),
         ({"pool_size": -1}, "0 \\(no pool\\) or more"),
         ({"radii": (15.0,)}, "radii has 1 entries for 8 colours"),
         ({"time_step": 0.0}, "must be positive"),
@@ -155,8 +144,28 @@ def test_errors_say_what_is_wrong(changes, message, monkeypatch):
 
 def test_maps_by_seed_are_the_numbered_maps():
     env = WaterWorld(WaterWorldConfig(colours=LETTERS, layout="by_seed", pool_size=12, delay=1))
-    states = jax.jit(jax.vmap(lambda seed: env.for_seed(seed).reset(jax.random.key(0))))(jnp.array([3, 10]))
+    both = jax.tree.map(lambda *x: np.stack(x), env.make_params(3), env.make_params(10, training=False))
+    states = jax.jit(jax.vmap(env.reset, (None, 0)))(jax.random.key(0), both)
     for index, number in enumerate((3, 10)):
         alone = make(f"Water-M{number}-v0").reset(jax.random.key(1))
         # One is compiled and the other is not, which may round the last bit of a number up to 1 differently.
         np.testing.assert_allclose(states.obs[index], alone.obs, rtol=0, atol=3e-7)
+
+
+def test_seeds_without_a_map_are_refused():
+    env = WaterWorld(WaterWorldConfig(layout="by_seed", pool_size=3))
+    assert env.make_params(2).starts.agent.shape == (1, 2)
+    with pytest.raises(ValueError, match=r"seed 3 has no map: env.pool_size=3 maps serve the seeds 0 to 2"):
+        env.make_params(3)
+    with pytest.raises(ValueError, match="not negative, got -1"):
+        env.make_params(-1)
+
+
+def test_every_seed_has_random_maps_of_its_own_and_evaluation_others():
+    env = WaterWorld(WaterWorldConfig(layout="random", pool_size=3))
+    pools = [env.make_params(seed, training).starts for seed in (0, 1) for training in (True, False)]
+    agents = np.concatenate([pool.agent for pool in pools])
+    expected = [published_map(number, 16)[0] for number in range(12)]
+    np.testing.assert_allclose(agents, expected, rtol=1e-6)
+    drawn = WaterWorld(WaterWorldConfig(layout="random", pool_size=0))
+    assert drawn.make_params(0).starts is None

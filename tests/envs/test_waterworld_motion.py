@@ -24,11 +24,11 @@ def actions_of(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 5, STEPS).astype(np.int32)
 
 
-def run(env, state, actions):
+def run(env, state, actions, params=None):
     """Positions, velocities, observations and labels after each action."""
 
     def step(state, action):
-        state = env.step(state, action)
+        state = env.step(state, action, params)
         return state, (state.pipeline_state, state.obs, env.labels(state))
 
     return jax.jit(lambda state, actions: jax.lax.scan(step, state, actions)[1])(state, jnp.asarray(actions))
@@ -81,16 +81,16 @@ def test_double_precision_follows_the_reference(config, number):
         env = WaterWorld(config)
         state = env.reset_to(agent, jnp.zeros(2), balls, velocities)
         # 0.1 is not a float32: round the widened parameters back to the numbers that they stand for.
-        params = jax.tree.map(lambda x: jnp.asarray(np.round(np.asarray(x, np.float64), 6)), env.params)
+        params = jax.tree.map(lambda x: jnp.asarray(np.round(np.asarray(x, np.float64), 6)), env.make_params(0))
         exact = dataclasses.replace(
             state.pipeline_state,
             agent_position=jnp.asarray(agent),
             agent_velocity=jnp.zeros(2, jnp.float64),
             ball_positions=jnp.asarray(balls),
             ball_velocities=jnp.asarray(velocities),
-            params=params,
         )
-        pipeline, obs, labels = run(env, state.replace(pipeline_state=exact, obs=jnp.float64(state.obs)), actions)
+        state = state.replace(pipeline_state=exact, obs=jnp.float64(state.obs))
+        pipeline, obs, labels = run(env, state, actions, params)
         assert obs.dtype == jnp.float64
         positions, speeds = stacked(pipeline)
         np.testing.assert_allclose(positions, expected[0], rtol=0, atol=1e-9)

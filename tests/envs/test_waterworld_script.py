@@ -28,7 +28,7 @@ def action(wanted_at, avoided_at, wanted, avoided):
     env = WaterWorld(WaterWorldConfig(colours=("Red", "Blue"), balls_per_colour=1))
     balls = jnp.array([wanted_at, avoided_at], jnp.float32)
     state = env.reset_to(jnp.array([200.0, 200.0]), jnp.zeros(2), balls, jnp.zeros((2, 2)))
-    return int(scripted_action(state.pipeline_state, wanted, avoided))
+    return int(scripted_action(state.pipeline_state, env.make_params(0), wanted, avoided))
 
 
 @pytest.mark.parametrize(("where", "expected"), [((200, 390), 1), ((390, 200), 2), ((200, 10), 3), ((10, 200), 4)])
@@ -58,7 +58,7 @@ def test_wanted_and_avoided_colours_come_from_the_table(task_env):
 @pytest.mark.slow
 def test_it_beats_random_actions(task_env):
     """A script of this kind is reported to return 0.90 in 112 steps; random actions -1.00 in 62."""
-    script = play(task_env, scripted_player(task_env.table), 100, 600, seed=0)
+    script = play(task_env, scripted_player, 100, 600, seed=0)
     chance = play(task_env, random_player, 100, 600, seed=0)
     assert chance.total < -0.95
     assert script.total > 0.75 and script.success > 0.85

@@ -1,6 +1,7 @@
 """The published map and the random maps: keepouts, coverage, clear errors."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -51,6 +52,20 @@ def test_pool_depends_on_its_seed_alone():
     assert not np.array_equal(first.zones, other.zones)
 
 
+def test_every_seed_has_maps_of_its_own_and_evaluation_others():
+    env = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=50))
+    pools = [env.make_params(seed, training) for seed in (0, 1) for training in (True, False)]
+    assert {jax.tree.map(jnp.shape, pool).zones for pool in pools} == {(50, 8, 2)}
+    assert len(np.unique(np.concatenate([pool.starts for pool in pools]), axis=0)) == 200
+    jax.tree.map(np.testing.assert_array_equal, pools[3], env.make_params(1, training=False))
+    reset = jax.jit(jax.vmap(env.reset, (0, None)))
+    for pool in pools[:2]:
+        states = reset(jax.random.split(jax.random.key(0), 20), pool).pipeline_state
+        assert all((pool.zones == zones).all((1, 2)).any() for zones in states.zones)
+    fixed = ZoneEnv(ZoneConfig(physics="closed_form"))
+    jax.tree.map(np.testing.assert_array_equal, fixed.make_params(0), fixed.make_params(5, training=False))
+
+
 @pytest.mark.slow
 def test_resets_reach_the_whole_pool(random_env):
     states = jax.vmap(random_env.reset)(jax.random.split(jax.random.key(0), 5000)).pipeline_state
@@ -82,16 +97,26 @@ def test_overlapping_zones_fail_clearly():
         zone_layouts.check_disjoint(np.array([[0.0, 0.0], [0.5, 0.0], [2.0, 2.0]]))
 
 
+def test_a_given_map_with_overlapping_zones_is_refused(random_env):
+    zones = random_env.make_params(0).zones[0].copy()
+    random_env.reset_to(np.zeros(3), np.zeros(3), zones)
+    zones[1] = zones[0] + 0.3
+    with pytest.raises(ValueError, match=r"two zones overlap: their centres are 0\.424 m apart"):
+        random_env.reset_to(np.zeros(3), np.zeros(3), zones)
+    jax.eval_shape(random_env.reset_to, jnp.zeros(3), jnp.zeros(3), zones)  # a traced map cannot be checked
+
+
 @pytest.mark.parametrize(
     ("config", "message"),
     [
-        (ZoneConfig(layout="random", colours="JXQ"), "unknown colours Q, X"),
-        (ZoneConfig(colours="JJRR"), "needs layout='random'"),
-        (ZoneConfig(physics="bullet"), "must be 'mjx' or 'closed_form'"),  # type: ignore[arg-type]
-        (ZoneConfig(layout="maze"), "must be 'fixed' or 'random'"),  # type: ignore[arg-type]
-        (ZoneConfig(layout="random", pool_size=0), "at least one map"),
+        ({"layout": "random", "colours": "JXQ"}, "unknown colours Q, X"),
+        ({"colours": "JJRR"}, "needs layout='random'"),
+        ({"physics": "bullet"}, "must be 'mjx' or 'closed_form'"),
+        ({"layout": "maze"}, "must be 'fixed' or 'random'"),
+        ({"layout": "random", "pool_size": 0}, "at least one map"),
+        ({"pool_seed": -1}, "must not be negative"),
     ],
 )
 def test_bad_configurations_fail_clearly(config, message):
     with pytest.raises(ValueError, match=message):
-        ZoneEnv(config)
+        ZoneConfig(**config)

@@ -1,19 +1,30 @@
 """The drawing loop on views made by hand, and the views of both environments."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from PIL import Image, ImageFont
 
+from envs.single_state import SingleState
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
 from envs.zones import ZoneConfig, ZoneEnv
-from experiments.views import view_of
-from t2tl_jax.evaluation.animation import FILLS, SIDE, TEXT_LINES, WALL, Recording, Scene, View, save_gif, wrapped
-from t2tl_jax.ltl import compile_tasks
-from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.evaluation.animation import (
+    FILLS,
+    SIDE,
+    TEXT_LINES,
+    WALL,
+    Recording,
+    picture_size,
+    pixels,
+    save_gif,
+    wrapped,
+)
+from t2tl_jax.view import Scene, View
 
-VIEW = View(lambda state: state, (0.0, 0.0), (4.0, 2.0), ("Red",), 0.25, (255, 255, 255), 0.5)
+VIEW = View(lambda state, params: state, (0.0, 0.0), (4.0, 2.0), ("Red",), 0.25, (255, 255, 255), 0.5)
 
 
 def recording(steps):
@@ -34,11 +45,11 @@ def test_frames_show_what_was_recorded(tmp_path):
             gif.seek(index)
             pictures.append(np.asarray(gif.convert("RGB"), int))
     for step, picture in enumerate(pictures):
-        (disc,) = VIEW.pixels(np.array([1.0, 0.5]))
-        (agent,) = VIEW.pixels(np.array([1 + 2 * step / 3, 1.6]))
+        (disc,) = pixels(VIEW, np.array([1.0, 0.5]))
+        (agent,) = pixels(VIEW, np.array([1 + 2 * step / 3, 1.6]))
         for (x, y), colour in ((disc, FILLS["Red"]), (agent, (255, 255, 255))):
             assert np.abs(picture[round(y), round(x)] - colour).max() < 20
-    below = VIEW.size[1]
+    below = picture_size(VIEW)[1]
     assert (pictures[2][below + 20 :] < 100).any() and not (pictures[0][below + 20 :] < 100).any()  # text of row 1 only
 
 
@@ -60,26 +71,42 @@ def test_text_is_wrapped_and_cut():
 
 
 @pytest.mark.parametrize(
-    ("env", "task"),
+    "env",
     [
-        (ZoneEnv(ZoneConfig(physics="closed_form")), "F Red"),
-        (ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=2)), "F Red"),
-        (WaterWorld(), "F Pink"),
-        (WaterWorld(WaterWorldConfig(colours=LETTERS, layout="random", pool_size=2, balls_per_colour=1)), "F a"),
+        ZoneEnv(ZoneConfig(physics="closed_form")),
+        ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=2)),
+        WaterWorld(),
+        WaterWorld(WaterWorldConfig(colours=LETTERS, layout="random", pool_size=2, balls_per_colour=1)),
     ],
 )
-def test_views_agree_with_the_environment(env, task):
-    view = view_of(TaskEnv(env, compile_tasks([task], env.propositions, env.alphabet)))
+def test_views_agree_with_the_environment(env):
+    view, params = env.view(), env.make_params(0)
     state = env.reset(jax.random.key(1)).pipeline_state
-    scene = jax.eval_shape(view.scene, state)
+    scene = jax.eval_shape(view.scene, state, params)
     assert scene.discs.shape == (len(view.colours), 2) and scene.radii.shape == (len(view.colours),)
     assert scene.agent.shape == scene.heading.shape == (2,)
     assert set(view.colours) <= set(FILLS)
-    actual = view.scene(state)
+    actual = view.scene(state, params)
     assert jnp.linalg.norm(actual.heading) <= 1.0 + 1e-6
     inside = (actual.discs > jnp.array(view.low)) & (actual.discs < jnp.array(view.high))
     assert inside.all()
 
 
+def test_discs_have_the_colour_that_holds_in_them():
+    env = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", colours="YJWR", pool_size=2))
+    zones = env.make_params(0).zones[0]
+    for centre, colour in zip(zones, env.view().colours, strict=True):
+        labels = env.labels(env.reset_to(jnp.append(centre, 0.0), jnp.zeros(3), zones))
+        assert env.propositions[int(np.argmax(labels))] == colour and labels.sum() == 1
+
+
 def test_other_environments_have_no_view():
-    assert view_of(object()) is None
+    assert SingleState().view() is None
+
+
+@pytest.mark.parametrize(
+    ("verdict", "truncated", "said"),
+    [(1, False, "done"), (-1, False, "violated"), (0, True, "out of time"), (0, False, "ended by the environment")],
+)
+def test_the_end_is_told(verdict, truncated, said):
+    assert dataclasses.replace(recording(2), verdict=verdict, truncated=truncated).outcome == said

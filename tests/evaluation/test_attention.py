@@ -7,15 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from flax import struct
 from scipy import stats
 
+from t2tl_jax.env import State
 from t2tl_jax.evaluation import attention as reading
 from t2tl_jax.evaluation.attention import Attention, Met, Removal
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.task_encoders import TransformerTaskEncoder
 from t2tl_jax.networks.transformer import TransformerConfig, sinusoidal_positions
+from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.types import Agent
+from tests.probe import ProbeEnv
 
 PROPOSITIONS = ("Black", "White", "Red", "Yellow")
 TASK = "!Red U (Black & (!Yellow U White))"
@@ -114,58 +116,54 @@ def test_an_encoder_that_reads_padding_goes_on_reading_it():
     np.testing.assert_allclose(codes[0], encoder.apply({"params": params}, table)[2], atol=1e-5)
 
 
-@struct.dataclass
-class Clock:
-    """Counts its steps; the row is 2 for the first three of them and 3 after that."""
+class ClockEnv(ProbeEnv):
+    """Counts its steps and shows the count; Up with the third step, Down with the fifth."""
 
-    obs: jax.Array
-    done: jax.Array
-    reward: jax.Array
+    observation_size = 1
 
+    def reset(self, rng, params=None):
+        return State(jnp.float32(0), jnp.zeros(1), jnp.float32(0), jnp.float32(0))
 
-class ClockEnv:
-    def reset(self, rng):
-        return Clock(jnp.zeros(1), jnp.float32(0), jnp.float32(0))
+    def step(self, state, action, params=None):
+        return state.replace(pipeline_state=state.pipeline_state + 1, obs=state.obs + 1)
 
-    def step(self, state, action):
-        return Clock(state.obs + 1, (state.obs[0] >= 4).astype(jnp.float32), jnp.float32(0))
-
-    def row(self, state):
-        return jnp.where(state.obs[0] < 3, 2, 3)
-
-    def verdict(self, state):
-        return jnp.float32(0)
+    def labels(self, state):
+        return jnp.stack([state.pipeline_state == 3, state.pipeline_state == 5])
 
 
-def linear(params, memory, obs, task, other):
+def linear(params, carry, obs, task, other):
     """Policy changes by the size of what changes in the code, the value by its sum times the observation."""
     return jnp.full(len(obs), jnp.abs(other - task).sum()), (other - task).sum() * obs[:, 0]
 
 
 STUB = Agent(
-    init=lambda key: None,
-    iterate=lambda state: (state, None),  # type: ignore[return-value, arg-type]
-    embed=lambda params: jnp.zeros((4, 1)),
-    act=lambda *arguments: jnp.zeros(arguments[-3].shape),  # of the rows
+    init=lambda key, env_params: None,
+    iterate=lambda state, env_params: (state, None),  # type: ignore[return-value, arg-type]
+    embed=lambda params, table: jnp.zeros((table.num_rows, 1)),
+    act=lambda *arguments: jnp.zeros((*arguments[-3].shape, 1)),  # of the rows
     frames_per_iteration=1,
     begin=lambda: jnp.zeros(()),  # remembers how many steps it made
-    remember=lambda params, memory, obs, action, reward: memory + 1,
+    remember=lambda params, carry, obs, action, reward: carry + 1,
     compare=linear,
 )
 
 
 @pytest.mark.slow
 def test_observations_are_drawn_from_the_steps_in_the_row():
-    play = jax.jit(partial(reading.meet, ClockEnv(), STUB), static_argnums=(2, 3, 4))
-    first = play(None, jax.random.key(0), 2, 600, 100)
-    assert (first.steps == 3).all() and (first.memory == first.obs[:, 0]).all()
+    clock = ClockEnv()
+    env = TaskEnv(clock, compile_tasks(["F(Up & F Down)"], clock.propositions, clock.alphabet))
+    given, whole = env.make_params(0), int(env.table.initial_row[0])
+    (rest,) = set(range(2, env.table.num_rows)) - {whole}
+    play = jax.jit(partial(reading.meet, env, STUB, None, given), static_argnums=(1, 2, 3))
+    first = play(jax.random.key(0), whole, 600, 100)
+    assert (first.steps == 3).all() and (first.carry == first.obs[:, 0]).all()
     counts = np.bincount(np.asarray(first.obs[:, 0]).astype(int), minlength=3)
     assert len(counts) == 3 and stats.chisquare(counts).pvalue > 0.001
-    later = play(None, jax.random.key(0), 3, 600, 100)
+    later = play(jax.random.key(0), rest, 600, 100)
     assert (later.steps == 2).all() and set(np.asarray(later.obs[:, 0])) == {3.0, 4.0}
-    never = play(None, jax.random.key(0), 5, 4, 100)
+    never = play(jax.random.key(0), 0, 4, 100)
     assert (never.steps == 0).all() and (never.obs == 0).all()
-    assert (play(None, jax.random.key(0), 3, 4, 4).steps == 1).all()  # the time limit
+    assert (play(jax.random.key(0), rest, 4, 4).steps == 1).all()  # the time limit
 
 
 def test_effects_are_means_over_the_episodes_that_met_the_row():

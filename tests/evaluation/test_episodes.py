@@ -1,36 +1,73 @@
-import sys
-from pathlib import Path
+"""Evaluation counts the first episode of every environment, as what its end says it is."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from t2tl_jax.env import State
 from t2tl_jax.evaluation.curves import sparkline
-from t2tl_jax.evaluation.episodes import Episodes, evaluate_seeds
+from t2tl_jax.evaluation.episodes import Episodes, evaluate_seeds, play
 from t2tl_jax.evaluation.report import summarise, table
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.program import params_of_seeds
 from t2tl_jax.training.seeds import EVALUATION, TRAINING, stream_keys
+from t2tl_jax.training.types import Agent
+from tests.probe import ProbeEnv
 
-sys.path.append(str(Path(__file__).parents[1] / "experiments"))
-from fake_learner import SUCCESS, VIOLATION, FakeEnv, make_agent
+SUCCESS, VIOLATION, BROKEN = 0.5, 0.3, 0.1
+
+
+class FateEnv(ProbeEnv):
+    """Drawn at the reset: Up at the first step, Down, an end by the environment itself, or nothing ever."""
+
+    observation_size = 1
+
+    def reset(self, rng, params=None):
+        return State(jnp.stack([jax.random.uniform(rng), 0.0]), jnp.ones(1), jnp.float32(0), jnp.float32(0))
+
+    def step(self, state, action, params=None):
+        fate = state.pipeline_state[0]
+        broken = (fate > SUCCESS + VIOLATION) & (fate < SUCCESS + VIOLATION + BROKEN)
+        return state.replace(pipeline_state=jnp.stack([fate, 1.0]), done=broken.astype(jnp.float32))
+
+    def labels(self, state):
+        fate, acted = state.pipeline_state
+        up = fate < SUCCESS
+        return jnp.stack([up, ~up & (fate < SUCCESS + VIOLATION)]) & (acted > 0)
+
+
+IDLE = Agent(
+    init=lambda key, env_params: None,
+    iterate=lambda state, env_params: (state, None),
+    embed=lambda params, table: jnp.zeros((table.num_rows, 1)),
+    act=lambda params, embedding, carry, obs, row, key, deterministic: jnp.zeros((*row.shape, 1)),
+    frames_per_iteration=1,
+)
 
 
 @pytest.fixture(scope="module")
-def played() -> Episodes:
-    agent, seeds = make_agent(), (0, 4)
-    params = jax.vmap(agent.init)(stream_keys(seeds, TRAINING)).params
-    return evaluate_seeds(
-        lambda seed: (FakeEnv(), agent), seeds, params, stream_keys(seeds, EVALUATION), 2000, 7, deterministic=True
-    )
+def env() -> TaskEnv:
+    fate = FateEnv()
+    return TaskEnv(fate, compile_tasks(["!Down U Up"], fate.propositions, fate.alphabet))
+
+
+@pytest.fixture(scope="module")
+def played(env) -> Episodes:
+    seeds = (0, 4)
+    given, keys = params_of_seeds(env, seeds, training=False), stream_keys(seeds, EVALUATION)
+    return evaluate_seeds(env, IDLE, jnp.zeros(2), given, keys, 2000, 40, 0.9, deterministic=True)
 
 
 def test_rates_are_those_of_the_environment(played):
-    report = summarise(played, (0, 4), discount=0.9)
+    report = summarise(played, (0, 4))
     for seed in report.seeds:
         for estimate, truth in (
             (seed.success_rate, SUCCESS),
             (seed.violation_rate, VIOLATION),
-            (seed.timeout_rate, 1 - SUCCESS - VIOLATION),
+            (seed.env_termination_rate, BROKEN),
+            (seed.timeout_rate, 1 - SUCCESS - VIOLATION - BROKEN),
         ):
             assert estimate.count == 2000
             assert abs(estimate.value - truth) < 0.04
@@ -41,30 +78,13 @@ def test_rates_are_those_of_the_environment(played):
     assert "0 of 2 seeds solve" in table({"deterministic": report})
 
 
-def test_success_is_what_the_verdict_says_whatever_the_task_pays(played):
-    class PaysForViolation(FakeEnv):
-        def step(self, state, action):
-            state = super().step(state, action)
-            return state.replace(reward=jnp.abs(state.reward), obs=state.obs + jnp.where(state.reward < 0, -2.0, 0.0))
-
-        def verdict(self, state):
-            return jnp.where(state.obs[0] < 0, -1, 1) * state.done
-
-    agent, seeds = make_agent(), (0, 4)
-    params = jax.vmap(agent.init)(stream_keys(seeds, TRAINING)).params
-    keys = stream_keys(seeds, EVALUATION)
-    paid = evaluate_seeds(lambda seed: (PaysForViolation(), agent), seeds, params, keys, 2000, 7, deterministic=True)
-    np.testing.assert_array_equal(paid.success, played.success)
-    np.testing.assert_array_equal(paid.violation, played.violation)
-    assert (paid.total_reward[paid.violation] == 1).all()
-
-
 def test_only_the_first_episode_counts(played):
-    decided = played.success | played.violation
-    assert (played.length[decided] == 1).all()
-    assert (played.length[~decided] == 7).all()
-    assert not (played.success & played.violation).any()
+    flags = np.stack([played.success, played.violation, played.env_termination]).astype(int).sum(0)
+    assert set(flags.ravel()) == {0, 1}
+    assert (played.length[flags == 1] == 1).all()
+    assert (played.length[flags == 0] == 40).all()
     np.testing.assert_array_equal(played.total_reward, played.success.astype(float) - played.violation)
+    np.testing.assert_array_equal(played.discounted_return, played.total_reward)
 
 
 def test_seeds_have_their_own_streams(played):
@@ -74,15 +94,34 @@ def test_seeds_have_their_own_streams(played):
     )
 
 
-def test_discounted_return_by_hand():
+def test_rewards_are_discounted_from_the_first_step():
+    """A reward of 1 at every step; an episode longer than a chunk, and not a multiple of it."""
+
+    class Paying(ProbeEnv):
+        def step(self, state, action, params=None):
+            return super().step(state, action).replace(reward=jnp.float32(1))
+
+    probe = Paying()
+    env = TaskEnv(probe, compile_tasks(["F Up"], probe.propositions, probe.alphabet))
+    run = jax.jit(lambda key: play(env, IDLE, None, env.make_params(0), key, 3, 33, 0.9, True))
+    episodes = run(jax.random.key(0))
+    assert episodes.length.tolist() == [33] * 3 and episodes.total_reward.tolist() == [33] * 3
+    np.testing.assert_allclose(episodes.discounted_return, sum(0.9**t for t in range(33)), rtol=1e-5)
+    assert not (episodes.success | episodes.violation | episodes.env_termination).any()
+
+
+def test_a_report_by_hand():
     episodes = Episodes(
-        success=np.array([[True, False, False]]),
-        violation=np.array([[False, True, False]]),
-        total_reward=np.array([[1.0, -1.0, 0.0]], np.float32),
-        length=np.array([[3, 2, 5]], np.int32),
+        success=np.array([[True, False, False, False]]),
+        violation=np.array([[False, True, False, False]]),
+        env_termination=np.array([[False, False, True, False]]),
+        total_reward=np.array([[1.0, -1.0, -10.0, 0.0]], np.float32),
+        discounted_return=np.array([[0.25, -0.5, -10.0, 0.0]], np.float32),
+        length=np.array([[3, 2, 1, 5]], np.int32),
     )
-    report = summarise(episodes, (0,), discount=0.5)
-    assert report.seeds[0].discounted_return.value == pytest.approx((0.25 - 0.5) / 3)
+    report = summarise(episodes, (0,))
+    assert report.seeds[0].discounted_return.value == pytest.approx(-10.25 / 4)
+    assert [report.seeds[0].timeout_rate.value, report.env_termination_rate.value] == [0.25, 0.25]
     assert report.success_rate.low is None
     assert "not solved" in table({"sampled": report})
 

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.configs import CONFIGS
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.context import (
@@ -25,7 +24,20 @@ from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.training.types import repeated
 
 SMALL = TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8)
-PUBLISHED = CONFIGS["zone_ppo_published"][0].network
+AS_PUBLISHED = TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True)
+PUBLISHED = NetworkConfig(
+    transformer=AS_PUBLISHED,
+    observation="raw",
+    value_scale=1.0,
+    context=ContextConfig(
+        transformer=dataclasses.replace(AS_PUBLISHED, layers=2),
+        reset=False,
+        aligned=False,
+        halved=True,
+        recompute=False,
+        segment_length=1,
+    ),
+)
 
 
 def count(params) -> int:
@@ -59,8 +71,8 @@ def test_published_networks_have_the_published_sizes(context, parameters):
     )
     network = ActorCritic(dataclasses.replace(PUBLISHED, context=context), action_size=2)
     init = partial(network.init, method="initialise")
-    memory = repeated(network.begin(76), 1)
-    variables = jax.eval_shape(init, jax.random.key(0), table, jnp.zeros((1, 76)), jnp.zeros(1, jnp.int32), memory)
+    carry = repeated(network.begin(76), 1)
+    variables = jax.eval_shape(init, jax.random.key(0), table, jnp.zeros((1, 76)), jnp.zeros(1, jnp.int32), carry)
     assert count(variables) == parameters
     if context is not None:
         sizes = {name: count(part) for name, part in variables["params"].items()}
@@ -136,10 +148,10 @@ def test_gradient_reaches_the_environment_encoder_through_the_window_iff_recompu
     obs, row = jnp.ones((2, 4)), jnp.full(2, 2)
     begin = repeated(network.begin(4), 2)
     params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(0), table, obs, row, begin)
-    memory = network.apply(params, begin, obs, jnp.ones((2, 1)), jnp.ones(2), method="remember")
-    assert memory.seen.shape == (2, 3, 4 if recompute else 6)
+    carry = network.apply(params, begin, obs, jnp.ones((2, 1)), jnp.ones(2), method="remember")
+    assert carry.seen.shape == (2, 3, 4 if recompute else 6)
 
-    gradient = jax.jit(jax.grad(lambda p: network.apply(p, memory, method="context").sum()))(params)["params"]
+    gradient = jax.jit(jax.grad(lambda p: network.apply(p, carry, method="context").sum()))(params)["params"]
     assert any(jnp.abs(leaf).max() > 1e-4 for leaf in jax.tree.leaves(gradient["context_encoder"]))
     assert any(leaf.any() for leaf in jax.tree.leaves(gradient["environment_encoder"])) == recompute
 

@@ -8,11 +8,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from flax import linen as nn
 
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.task_encoders import TransformerTaskEncoder, attention_weights
-from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig, sinusoidal_positions
+from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig, short_attention, sinusoidal_positions
 
 PUBLISHED = TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True)
 PROPOSITIONS = ("Black", "White", "Red", "Yellow")
@@ -90,6 +91,18 @@ def test_output_is_bounded_and_differentiable(norm):
     }
     # A key bias shifts all of a query's scores alike, so softmax makes its gradient zero; everything else learns.
     assert all(norm > 0 for name, norm in norms.items() if "['key']['bias']" not in name)
+
+
+@pytest.mark.parametrize("masked", [True, False])
+def test_short_attention_is_attention(masked):
+    """Values and gradients, where keys are masked and where none is."""
+    inputs = jax.random.normal(jax.random.key(0), (3, 5, 7, 2, 4))
+    mask = jnp.arange(7) < jnp.array([7, 3, 5, 1, 4])[:, None, None, None] if masked else None
+
+    def of(attention):
+        return jax.jit(jax.value_and_grad(lambda qkv: jnp.sin(attention(*qkv, mask=mask)).sum()))(inputs)
+
+    chex.assert_trees_all_close(of(short_attention), of(nn.dot_product_attention), atol=1e-5)
 
 
 @pytest.mark.slow

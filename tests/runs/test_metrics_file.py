@@ -8,7 +8,7 @@ import pytest
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, MetricsFile, MetricsFileError, lines_up_to, read_columns
 
 HEADER = ",".join(FIXED_COLUMNS)
-ROWS = ("1,10,0,1,1,0,0,0.5,5,5", "1,10,1,0,,,,,,", "2,20,0,2,1,0,0,0.5,5,5", "2,20,1,1,1,0,0,0.5,5,5")
+ROWS = ("1,10,0,1,1,0,0,0,0.5,5,5", "1,10,1,0,,,,,,,", "2,20,0,2,1,0,0,0,0.5,5,5", "2,20,1,1,1,0,0,0,0.5,5,5")
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def test_empty_cells_are_nan(write):
     np.testing.assert_array_equal(columns["discounted_return"], [0.5, np.nan, 0.5, 0.5])
 
 
-@pytest.mark.parametrize("cut", ["3,30,0,1,1,0,0,0.5,5", "3", "3,30,0,1,1,0,0,0.5,5,5"])
+@pytest.mark.parametrize("cut", ["3,30,0,1,1,0,0,0,0.5,5", "3", "3,30,0,1,1,0,0,0,0.5,5,5"])
 def test_a_last_line_without_its_end_does_not_count(write, cut):
     path = write(cut, end="")
     assert read_columns(path)["iteration"].tolist() == [1, 1, 2, 2]
@@ -43,7 +43,7 @@ def test_a_last_line_without_its_end_does_not_count(write, cut):
         (HEADER.encode() + b"\n1,10", "holds no metrics yet"),
         (b"a,b\n1,2\n", "not a metrics file"),
         (b"\xff\xfe\n", "is damaged: 'utf-8' codec"),
-        (f"{HEADER}\n{ROWS[0]}\n1,10,0\n".encode(), "in line 3: 3 cells instead of 10"),
+        (f"{HEADER}\n{ROWS[0]}\n1,10,0\n".encode(), "in line 3: 3 cells instead of 11"),
         (
             f"{HEADER}\n{ROWS[0].replace('0.5', 'much')}\n".encode(),
             "in line 2: could not convert string",
@@ -62,7 +62,7 @@ def test_damage_is_told_with_its_place(tmp_path, content, said):
 
 
 def test_a_resumed_file_keeps_the_rows_up_to_the_checkpoint(write):
-    path = write("3,30,0,1,1,0,0,0.5,5,5")
+    path = write("3,30,0,1,1,0,0,0,0.5,5,5")
     MetricsFile(path, after=1).close()
     assert path.read_text().splitlines() == [HEADER, *ROWS[:2]]
 
@@ -72,3 +72,20 @@ def test_rows_that_a_checkpoint_counts_on_must_be_there(write, tmp_path):
         lines_up_to(write(), 3)
     with pytest.raises(MetricsFileError, match="is missing, but the checkpoint stands at iteration 3"):
         lines_up_to(tmp_path / "other.csv", 3)
+
+
+def test_columns_go_by_their_names(tmp_path):
+    """A file of before there was env_termination_rate, and one with a column more and another order."""
+    path = tmp_path / "metrics.csv"
+    path.write_text("iteration,frames,seed,episodes,success_rate\n1,10,0,4,0.5\n")
+    assert {name: x.tolist() for name, x in read_columns(path).items()} == {
+        "iteration": [1], "frames": [10], "seed": [0], "episodes": [4], "success_rate": [0.5]
+    }
+    path.write_text("seed,new,frames,iteration\n7,0.25,10,1\n7,0.5,20,2\n")
+    columns = read_columns(path)
+    assert columns["new"].tolist() == [0.25, 0.5] and columns["seed"].tolist() == [7, 7]
+    assert len(lines_up_to(path, 1)) == 2
+    file = MetricsFile(path, after=1)
+    file.append([{"iteration": 2, "frames": 20, "seed": 7, "new": 1.5}])
+    file.close()
+    assert path.read_text().splitlines()[1:] == ["7,0.25,10,1", "7,1.5,20,2"]

@@ -33,18 +33,23 @@ def test_one_device_needs_no_sharding():
 @pytest.mark.slow
 def test_seeds_over_four_devices_give_the_same_numbers():
     program = """
-import sys; sys.path.append("tests/experiments")
 import jax, numpy as np
-from fake_agent import make_agent
-from t2tl_jax.training.program import trace
+from tests.training.test_program import counting
+from envs.zones import ZoneConfig, ZoneEnv
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.program import params_of_seeds, trace
 from t2tl_jax.training.seeds import seed_sharding
+zones = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=4))
+env = TaskEnv(zones, compile_tasks("F Red", zones.propositions, zones.alphabet))
 def weights(seeds, devices):
-    program = trace(make_agent(), seeds)
-    state = program.lowered_init.compile()(program.keys)
+    program = trace(counting(), seeds, params_of_seeds(env, seeds))
+    state = program.lowered_init.compile()(program.keys, program.env_params)
     iterate = program.lowered_iterate.compile()
-    for _ in range(3): state, metrics = iterate(state)
-    assert len(state.params["params"]["w"].sharding.device_set) == devices
-    return np.asarray(state.params["params"]["w"])
+    for _ in range(3): state, metrics = iterate(state, program.env_params)
+    assert len(state.params.sharding.device_set) == devices
+    assert len(program.env_params.table.tokens.sharding.device_set) == devices
+    return np.asarray(state.params)
 assert len(jax.devices()) == 4 and len(seed_sharding(6).device_set) == 3
 together = weights((0, 1, 2, 3), devices=4)
 np.testing.assert_allclose(together[2:3], weights((2,), devices=1), rtol=1e-5)

@@ -11,6 +11,7 @@ from flax import struct
 
 from t2tl_jax.runs.prefetch import Prefetch
 from t2tl_jax.training.transfer import adopt, seed_index, task_encoder
+from t2tl_jax.training.types import Agent, map_params
 
 
 @struct.dataclass
@@ -20,6 +21,13 @@ class State:
     target_params: dict
     opt_state: dict
     key: jax.Array
+
+
+WITH_TARGET = Agent(
+    *[None] * 5,
+    map_params=lambda state, function: map_params(state.replace(target_params=function(state.target_params)), function),
+)
+"""A learner that holds one set of parameters more than all have, as DQN does."""
 
 
 def parameters(value, seeds):
@@ -32,7 +40,7 @@ def parameters(value, seeds):
 def test_only_the_task_encoder_is_copied_for_the_seeds_that_are_wanted():
     start = State(*(parameters(float(k), 2) for k in range(4)), key=jnp.zeros(2))
     source = parameters(100.0, 3)
-    after = adopt(start, task_encoder(source, seed_index((5, 6, 7), (7, 5))))
+    after = adopt(WITH_TARGET, start, task_encoder(source, seed_index((5, 6, 7), (7, 5))))
     for name in ("params", "best_params", "target_params"):
         old, new = getattr(start, name)["params"], getattr(after, name)["params"]
         np.testing.assert_array_equal(new["task_encoder"]["w"][:, 0, 0], [102.0, 100.0])
@@ -52,7 +60,7 @@ def test_a_single_seed_serves_all():
 def test_other_sizes_are_refused():
     start = State(*(parameters(float(k), 1) for k in range(4)), key=jnp.zeros(1))
     with pytest.raises(ValueError, match=r"has arrays \['w'\] \(4, 2\)"):
-        adopt(start, {"w": np.zeros((1, 4, 2))})
+        adopt(WITH_TARGET, start, {"w": np.zeros((1, 4, 2))})
 
 
 def test_the_next_value_is_made_while_the_last_one_is_used():

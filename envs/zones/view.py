@@ -1,0 +1,31 @@
+"""How a ZoneEnv looks from above."""
+
+import jax.numpy as jnp
+
+from envs.zones.layouts import ZONE_RADIUS
+from envs.zones.point_robot import SPHERE_RADIUS, SUBSTEPS, TIMESTEP, WALL
+from t2tl_jax.view import Scene, View
+
+
+def make_view(colours: tuple[str, ...]) -> View:
+    """Discs of these colours, and the robot with its heading as its nose."""
+
+    def scene(state, params) -> Scene:
+        del params  # the map of an episode is part of its state
+        heading = state.qpos[2]
+        return Scene(
+            discs=state.zones,
+            radii=jnp.full(len(state.zones), ZONE_RADIUS),
+            agent=state.qpos[:2],
+            heading=jnp.stack([jnp.cos(heading), jnp.sin(heading)]),
+        )
+
+    return View(
+        scene=scene,
+        low=(-WALL, -WALL),
+        high=(WALL, WALL),
+        colours=colours,
+        agent_radius=SPHERE_RADIUS,
+        agent_colour=(90, 140, 240),
+        seconds_per_step=SUBSTEPS * TIMESTEP,
+    )

@@ -1,0 +1,113 @@
+"""Segments of successive steps: windows, loss and gradients are those of samples that each bring their own window."""
+
+import dataclasses
+from functools import partial
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from t2tl_jax.agents.ppo import Batch, PPOConfig, ppo_loss
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
+from t2tl_jax.networks.context import ContextConfig, Segment, stack_windows, valid_in_windows
+from t2tl_jax.training.types import repeated
+from tests.agents import sizes
+
+SEGMENTS, STEPS, WINDOW, OBSERVATION = 6, 5, 3, 4
+CONTEXT = ContextConfig(length=WINDOW, transformer=sizes.TRANSFORMER, segment_length=STEPS)
+NETWORK = NetworkConfig(task_encoder="one_hot", env_layers=(16,), actor_layers=(16,), critic_layers=(16,))
+
+
+def make_network(**changes):
+    network = ActorCritic(dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, **changes)), 2)
+    table = compile_tasks(["F a"], ("a",), "at_most_one")
+    init = partial(network.init, jax.random.key(0), table, method="initialise")
+    carry = repeated(network.begin(OBSERVATION), 1)
+    return network, jax.jit(init)(jnp.zeros((1, OBSERVATION)), jnp.full(1, 2), carry)
+
+
+def act(network, params):
+    """Steps as if acted: arrays [segments, S, ...], the windows at every step and after it, and segments.
+
+    Their starts come from steps before, in which episodes ended too; the first one's is empty.
+    """
+    rng, before = np.random.default_rng(0), WINDOW + 2
+    shape = (before + STEPS, SEGMENTS)
+    obs, action, reward = (
+        jnp.asarray(rng.normal(size=(*shape, *size)), jnp.float32) for size in ((OBSERVATION,), (2,), ())
+    )
+    ended = jnp.asarray(rng.random(shape) < 0.25).at[before - 1, 0].set(True)
+    carry, windows, after = repeated(network.begin(OBSERVATION), SEGMENTS), [], []
+    for t in range(len(obs)):
+        windows.append(carry)
+        carry = network.apply(params, carry, obs[t], action[t], reward[t], method="remember")
+        after.append(carry)
+        carry = network.next_episode(carry, ended[t])
+    windows, after = (jax.tree.map(lambda *x: jnp.stack(x[before:], 1), *each) for each in (windows, after))
+    obs, action, reward, ended = (jnp.swapaxes(x[before:], 0, 1) for x in (obs, action, reward, ended))
+    assert ended[:, :-1].any() and not ended.all()
+    seen = None if network.config.context.recompute else network.apply(params, obs, method="see")
+    start = jax.tree.map(lambda x: x[:, 0], windows)
+    return obs, action, windows, after, Segment(start, action, reward, ended, seen)
+
+
+@pytest.mark.parametrize("reset", [True, False])
+def test_windows_of_a_segment_are_those_that_acted(reset):
+    network, params = make_network(reset=reset)
+    obs, _, windows, after, segment = act(network, params)
+    for later, expected in ((False, windows), (True, after)):
+        valid = valid_in_windows(segment, reset, later)
+        np.testing.assert_array_equal(valid, expected.valid)
+        for old, new, kept in (
+            (segment.start.seen, obs, expected.seen),
+            (segment.start.action, segment.action, expected.action),
+        ):
+            stacked = stack_windows(jnp.concatenate([old, new], 1), 1, STEPS, later)
+            np.testing.assert_array_equal(jnp.where(valid[..., None], stacked, 0), kept)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("masked", [True, False])
+@pytest.mark.parametrize("recompute", [True, False])
+@pytest.mark.parametrize("reset", [True, False])
+def test_loss_gradients_and_values_are_those_of_samples_with_their_own_windows(reset, recompute, masked):
+    transformer = dataclasses.replace(sizes.TRANSFORMER, masked=masked)
+    network, params = make_network(reset=reset, recompute=recompute, transformer=transformer)
+    obs, action, windows, after, segment = act(network, params)
+    rng = np.random.default_rng(1)
+    log_prob, value, advantage = (jnp.asarray(rng.normal(size=(SEGMENTS, STEPS)), jnp.float32) for _ in range(3))
+    task = jnp.asarray(rng.normal(size=(SEGMENTS, STEPS, NETWORK.one_hot_size)), jnp.float32)
+    row = jnp.zeros((SEGMENTS, STEPS), int)
+    batch = Batch(obs, row, action, log_prob - 3, value, advantage, segment)
+    flat = lambda tree: jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), tree)  # noqa: E731
+    apart = flat(dataclasses.replace(batch, carry=windows))
+
+    def loss(params, task, batch):
+        return ppo_loss(PPOConfig(clip_eps=10.0, clip_value=False), network, params, task, batch)[0]
+
+    both = jax.jit(jax.value_and_grad(loss))
+    together, samples = both(params, task, batch), both(params, flat(task), apart)
+    chex.assert_trees_all_close(together, samples, rtol=1e-5, atol=1e-6)
+    assert any(jnp.abs(leaf).max() > 1e-4 for leaf in jax.tree.leaves(together[1]["params"]["context_encoder"]))
+
+    next_obs = jnp.asarray(rng.normal(size=obs.shape), jnp.float32)
+    together = network.apply(params, obs, next_obs, task, segment, method="value_after")
+    samples = network.apply(params, next_obs, task, after, method="value")
+    np.testing.assert_allclose(together, samples, rtol=1e-5, atol=1e-6)
+
+
+def test_segments_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match="got segment_length=0"):
+        ContextConfig(segment_length=0)
+    with pytest.raises(ValueError, match="needs segment_length=1, got segment_length=8"):
+        ContextConfig(aligned=False)
+    network = dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, segment_length=8))
+    for name, sizes_of in (
+        ("unroll_length", {"num_envs": 4, "unroll_length": 12, "minibatch_size": 16}),
+        ("minibatch_size", {"num_envs": 4, "unroll_length": 16, "minibatch_size": 4}),
+    ):
+        with pytest.raises(ValueError, match=rf"must divide {name}, got segment_length=8 and {name}="):
+            PPOConfig(network=network, **sizes_of)
