@@ -259,7 +259,7 @@ def direction(action: jax.Array, dtype: jnp.dtype) -> jax.Array:
 
 
 def _fly(
-    position: jax.Array, velocity: jax.Array, radius: jax.Array, params: WaterWorldParams
+    position: jax.Array, velocity: jax.Array, radius: jax.Array | np.ndarray, params: WaterWorldParams
 ) -> tuple[jax.Array, jax.Array]:
     """Move bodies for one time step and bounce them off the walls, each axis for itself.
 

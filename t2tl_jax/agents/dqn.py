@@ -408,7 +408,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         scalars = jax.tree.map(jnp.mean, scalars) | env_scalars(env_metrics)
         scalars["epsilon"] = epsilon(config, first / total_steps)
         if 1 < table.num_tasks <= MAX_TASKS_APART:
-            scalars |= by_task(totals.episodes, *scores, table.num_tasks)
+            task, score = scores
+            scalars |= by_task(totals.episodes, task, score, table.num_tasks)
         totals = summed(totals)
 
         # Episodes of an iteration are played by parameters between those before and after it; credit the former.

@@ -402,15 +402,16 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             log_prob=steps.log_prob,
             value=in_segments(value),
             advantage=in_segments(advantage),
-            carry=misaligned(carry) if isinstance(carry, Segment) and not context.aligned else carry,
+            carry=carry if context is None or context.aligned else misaligned(carry),
         )
 
-    def misaligned(carry: Segment) -> Segment:
+    def misaligned(carry: Segment | tuple[()]) -> Segment:
         """Windows as published: flattened by time and then environment, beside samples in the opposite order."""
 
         def other_order(x: jax.Array) -> jax.Array:
             return x.reshape(config.num_envs, config.unroll_length, *x.shape[1:]).swapaxes(0, 1).reshape(x.shape)
 
+        assert isinstance(carry, Segment)
         return replace(carry, start=jax.tree.map(other_order, carry.start))
 
     def gradient_step(table: TaskTable, carry: tuple[Params, optax.OptState], minibatch: Batch):

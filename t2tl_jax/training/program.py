@@ -75,8 +75,9 @@ def trace(agent: Agent, seeds: Sequence[int], env_params: TaskParams, restartabl
     env_params = place_params(env_params, sharding)
 
     def compiled(function: Any, over: Any, **options: Any) -> Any:
-        placement = {} if sharding is None else {"in_shardings": (sharding, tasks), "out_shardings": sharding}
-        return jax.jit(jax.vmap(function, in_axes=over), **placement, **options)
+        if sharding is not None:
+            options |= {"in_shardings": (sharding, tasks), "out_shardings": sharding}
+        return jax.jit(jax.vmap(function, in_axes=over), **options)
 
     axes = (0, OVER_SEEDS)
     init = compiled(lambda key, env_params: _strongly_typed(agent.init(key, env_params)), axes)
