@@ -1,5 +1,6 @@
 """Read a trained agent: ``python -m experiments.attention RUN``; which words of its task it attends to and needs."""
 
+import dataclasses
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -81,7 +82,7 @@ def _read(arguments: Arguments) -> None:
     if not isinstance(reader, TransformerConfig):
         raise UserError(_no_attention(reader))
     compilation_cache.use(config.run.compilation_cache)
-    changes = {} if arguments.task is None else {"task": arguments.task}
+    changes: dict[str, Any] = {} if arguments.task is None else {"task": arguments.task}
     result = train.load(arguments.run, checkpoint=arguments.checkpoint, **changes)
     index = result.index(arguments.seed)
     seed, experiment, config = result.seeds[index], result.experiment, result.config
@@ -92,7 +93,7 @@ def _read(arguments: Arguments) -> None:
     agent, table = experiment.agent, experiment.table
     row = _row(arguments.row, table)
     env_params = experiment.env_params(training=False)
-    env_params = env_params.replace(env=of_seed(env_params.env, index))
+    env_params = dataclasses.replace(env_params, env=of_seed(env_params.env, index))
 
     end = of_seed(result.params, index)
     begin = jax.jit(lambda key: agent.init(key, env_params).params)(stream_keys([seed], TRAINING)[0])
@@ -105,7 +106,8 @@ def _read(arguments: Arguments) -> None:
 
     before, after = received(start), received(end)
     key = stream_keys([seed], EVALUATION)[0]
-    met = reading.meet(experiment.task_env, agent, end, env_params, key, row, arguments.episodes, config.episode_length)
+    play = jax.jit(reading.meet, static_argnums=(0, 1, 5, 6, 7))
+    met = play(experiment.task_env, agent, end, env_params, key, row, arguments.episodes, config.episode_length)
     codes = reading.codes_without_tokens(encoder, end["params"]["task_encoder"], table, row)
     removal = reading.removal_effects(agent, end, codes, met)
 

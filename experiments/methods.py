@@ -5,12 +5,15 @@ sub-task. Sizes, learner, budget and everything else stay those of the configura
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 from envs.single_state import SingleStateConfig
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.errors import UserError
+from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
@@ -55,10 +58,11 @@ def apply(config: Config, name: str) -> Config:
     Raises:
         UserError: for a learner that is not one of the paper's.
     """
-    method, learner = METHODS[name], config.learner
+    method = METHODS[name]
+    learner: Any = config.learner
     if not isinstance(learner, PPOConfig | DQNConfig):
         raise UserError(f"methods are those of the paper's learners, PPO and DQN; this one is {type(learner).__name__}")
-    network = learner.network
+    network: Any = learner.network
     context = None
     if method.context and not isinstance(config.env, SingleStateConfig):
         context = network.context or ContextConfig(length=WINDOW[type(learner)])
@@ -69,13 +73,15 @@ def apply(config: Config, name: str) -> Config:
         freeze_task_encoder=network.freeze_task_encoder and learned,
         context=context,
     )
-    config = replace(config, pretrained=config.pretrained if learned else "", learner=replace(learner, network=network))
+    learner, pretrained = replace(learner, network=network), config.pretrained if learned else ""
     if isinstance(learner, DQNConfig):
-        return replace(config, learner=replace(config.learner, counterfactual=method.simultaneous))
+        learner = replace(learner, counterfactual=method.simultaneous)
+        return replace(config, pretrained=pretrained, learner=learner)
+    config = replace(config, pretrained=pretrained, learner=learner)
     return replace(config, random_starts=START_ANYWHERE if name == "rm" else 0.0)
 
 
-def _encoder(kind: type[TaskEncoderConfig], network: object) -> TaskEncoderConfig:
+def _encoder(kind: type[TaskEncoderConfig], network: NetworkConfig | QNetworkConfig) -> TaskEncoderConfig:
     """The encoder that the configuration has, if it is of this kind; else the network's own default, or the kind's."""
     for candidate in (network, type(network)()):
         if isinstance(candidate.task_encoder, kind):

@@ -84,11 +84,12 @@ def _time(arguments: Arguments, task: str, rows: int, head: Head, learner: Any) 
     from t2tl_jax.agents.dqn import make_dqn
     from t2tl_jax.ltl import compile_named
     from t2tl_jax.networks.q_network import QNetworkConfig
+    from t2tl_jax.networks.task_encoders import OneHotConfig
     from t2tl_jax.task_env import TaskEnv
 
     world = WaterWorld(WaterWorldConfig(colours=LETTERS) if task.startswith("rm") else WaterWorldConfig())
     env = TaskEnv(world, compile_named(task, world.propositions, world.alphabet))
-    network = QNetworkConfig(task_encoder="one_hot", one_hot_size=rows, head=head, task_layer=512)
+    network = QNetworkConfig(task_encoder=OneHotConfig(rows), head=head, task_layer=512)
     agent = make_dqn(env, replace(learner, network=network), EPISODE_LENGTH, iterations=1 + arguments.repeats)
     env_params = jax.device_put(env.make_params(0))
     begin = time.perf_counter()

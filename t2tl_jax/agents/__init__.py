@@ -1,1 +1,8 @@
-"""Learners: one readable file each, all behind the interface of `t2tl_jax/agent.py`."""
+"""Learners: one readable file each, all behind the interface of `t2tl_jax/training/types.py`.
+
+Importing this package registers them, and the task encoders with them.
+"""
+
+from t2tl_jax.agents import dqn, ppo
+
+__all__ = ["dqn", "ppo"]

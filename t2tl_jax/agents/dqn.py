@@ -22,6 +22,8 @@ from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry, without_newest, without_oldest
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.optimizer import clipped_adam
@@ -90,6 +92,16 @@ class DQNConfig(LearnerConfig):
             )
         if not 0.0 < self.epsilon_fraction <= 1.0:
             raise ValueError(f"epsilon_fraction is a share of the run above 0, got {self.epsilon_fraction}")
+
+    @property
+    def task_encoder(self) -> TaskEncoderConfig:
+        """What reads the task."""
+        return self.network.task_encoder
+
+    @property
+    def freezes_task_encoder(self) -> bool:
+        """Whether it is kept as it is."""
+        return self.network.freeze_task_encoder
 
     @property
     def frames_per_iteration(self) -> int:
@@ -433,3 +445,6 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         compare=compare,
         map_params=map_params,
     )
+
+
+register_agent("dqn", DQNConfig, make_dqn)

@@ -19,6 +19,8 @@ from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.context import Carry, Segment, Window
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.advantages import generalised_advantages
 from t2tl_jax.training.best import keep_best
@@ -89,6 +91,16 @@ class PPOConfig(LearnerConfig):
                     f"network.context.segment_length must divide {name}, got segment_length={self.segment_length} and "
                     f"{name}={size}; 1 fits always"
                 )
+
+    @property
+    def task_encoder(self) -> TaskEncoderConfig:
+        """What reads the task."""
+        return self.network.task_encoder
+
+    @property
+    def freezes_task_encoder(self) -> bool:
+        """Whether it is kept as it is."""
+        return self.network.freeze_task_encoder
 
     @property
     def frames_per_iteration(self) -> int:
@@ -478,3 +490,6 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         restart=restart,
         compare=compare,
     )
+
+
+register_agent("ppo", PPOConfig, make_ppo)

@@ -4,6 +4,8 @@ Which dataclass an environment, a learner or a task encoder is, says its field `
 """
 
 import json
+import operator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +35,7 @@ def _converter() -> cattrs.Converter:
         converter.register_structure_hook(kind, _exactly)
     converter.register_structure_hook(float, _number)
 
-    def structured(registry: Registry, value: Any) -> Any:
+    def structured(registry: Registry, value: Any, _: Any) -> Any:
         fields = dict(value) if isinstance(value, dict) else {}
         if KIND not in fields:
             raise ValueError(f"expected an object with the {KIND} of a {registry.thing}, got {value!r}")
@@ -43,9 +45,9 @@ def _converter() -> cattrs.Converter:
         return {KIND: registry.name_of(value), **converter.unstructure(value)}
 
     for base, registry in REGISTRIES.items():
-        converter.register_structure_hook(base, lambda value, _, registry=registry: structured(registry, value))
-        # Only fields that are declared with the base class hold one of several kinds.
-        converter.register_unstructure_hook(base, lambda value, registry=registry: with_kind(registry, value))
+        # Only fields that are declared with the base class itself hold one of several kinds.
+        converter.register_structure_hook_func(partial(operator.is_, base), partial(structured, registry))
+        converter.register_unstructure_hook_func(partial(operator.is_, base), partial(with_kind, registry))
     return converter
 
 

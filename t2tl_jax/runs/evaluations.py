@@ -1,6 +1,7 @@
 """Evaluating the policies of a run, and keeping the results beside it."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 from t2tl_jax.errors import UserError
@@ -108,7 +109,7 @@ def draw_episode(experiment: Experiment, params: Params, folder: RunFolder) -> b
         return False
     key = stream_keys(experiment.seeds, ANIMATION)[0]
     env_params = experiment.env_params(training=False)
-    env_params = env_params.replace(env=of_seed(env_params.env, 0))
+    env_params = replace(env_params, env=of_seed(env_params.env, 0))
     length = experiment.config.episode_length
     recording = record(
         experiment.task_env, view, experiment.agent, of_seed(params, 0), env_params, key, length, deterministic=True

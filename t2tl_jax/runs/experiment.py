@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Any
 
 import jax
-import numpy as np
 
 import t2tl_jax.agents  # noqa: F401, registers the learners and, with them, the task encoders
 from t2tl_jax.env import LabelledEnv
@@ -16,7 +15,7 @@ from t2tl_jax.registry import AGENTS, ENVS
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import make_pools, make_table
 from t2tl_jax.task_env import TaskEnv, TaskParams
-from t2tl_jax.training.program import Program, trace
+from t2tl_jax.training.program import OVER_SEEDS, Program, params_of_seeds, trace
 from t2tl_jax.training.seeds import TRAINING, parse_seeds, stream_keys
 from t2tl_jax.training.types import Agent
 
@@ -56,9 +55,8 @@ class Experiment:
 
         With `training` False, what an evaluation uses: where maps are random, others than training had.
         """
-        of_seed = [self.env.make_params(seed, training) for seed in self.seeds]
-        stacked = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *of_seed)
-        return TaskParams(env=stacked, table=self.table_at(0) if training else self.table)
+        table = self.table_at(0) if training else self.table
+        return params_of_seeds(TaskEnv(self.env, table), self.seeds, training)
 
     @cached_property
     def program(self) -> Program:
@@ -72,8 +70,7 @@ class Experiment:
         Raises:
             ValueError: if the network cannot read the task.
         """
-        axes = TaskParams(env=0, table=None)  # type: ignore[arg-type]  # one table for all seeds
-        init = jax.vmap(self.agent.init, in_axes=(0, axes))
+        init = jax.vmap(self.agent.init, in_axes=(0, OVER_SEEDS))
         return jax.eval_shape(init, stream_keys(self.seeds, TRAINING), self.env_params(training=False)).params
 
     def with_table(self, table: TaskTable) -> "Experiment":

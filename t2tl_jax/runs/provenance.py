@@ -4,6 +4,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -26,7 +27,7 @@ PACKAGES = (
 )
 
 
-def describe(arguments: list[str] | None = None) -> dict[str, Any]:
+def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Versions, revision, devices and command line as an object for JSON.
 
     Args:
@@ -34,7 +35,7 @@ def describe(arguments: list[str] | None = None) -> dict[str, Any]:
     """
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": sys.argv if arguments is None else arguments,
+        "command": list(sys.argv if arguments is None else arguments),
         "python": platform.python_version(),
         "platform": platform.platform(),
         "cpu": _cpu_model(),

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.solved import SolvedWatch
 from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.training import transfer
-from t2tl_jax.training.program import Program
+from t2tl_jax.training.program import Program, place_params
 from t2tl_jax.training.seeds import place
 from t2tl_jax.training.types import Metrics
 
@@ -169,24 +169,25 @@ class Training:
                 raise
         self.progress.compile_seconds = compiled.seconds
         if fresh:
-            state = compiled.init(program.keys, program.place(experiment.env_params(training=True)))
+            state = compiled.init(program.keys, program.env_params)
             if encoder is not None:
-                state = transfer.adopt(state, encoder, program.sharding)
+                state = transfer.adopt(experiment.agent, state, encoder, program.sharding)
         return compiled, state
 
     def _iterate(self, compiled: Compiled, state: Any, callbacks: Sequence[Callback]) -> Any:
         """Train from where the run stands to its end, or to a reason to stop, and return the last state."""
         experiment, progress = self.experiment, self.progress
         program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
-        env_params = program.place(experiment.env_params(training=True))
-        pools = Prefetch(experiment.pools or (lambda number: None))
+        env_params = program.env_params
+        pools = Prefetch(experiment.pools or (lambda number: experiment.table))
         begin = time.monotonic()
 
         def prepare(done: int, state: Any) -> tuple[Any, Any]:
             nonlocal env_params
             renew = experiment.pools is not None and done % config.pool.period == 0
             if experiment.pools is not None and (renew or done == progress.started_from):
-                env_params = program.with_table(env_params, pools.get(done // config.pool.period))
+                new = replace(env_params, table=pools.get(done // config.pool.period))
+                env_params = place_params(new, program.sharding)
             if renew and done:
                 state = compiled.restart(state, env_params)
             return state, env_params

@@ -15,6 +15,7 @@ from flax import struct
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.task_env import TaskParams
 
 Params = Any  # the variables of a Flax module
@@ -63,6 +64,16 @@ class LearnerConfig(abc.ABC):
     """The networks of the learner."""
     discount: float
     """Discount factor gamma."""
+
+    @property
+    def task_encoder(self) -> TaskEncoderConfig | None:
+        """What reads the task; None for a learner that has nothing of the kind."""
+        return None
+
+    @property
+    def freezes_task_encoder(self) -> bool:
+        """Whether the task encoder is kept as it is, for one that was pre-trained."""
+        return False
 
     @property
     @abc.abstractmethod

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from envs.registry import make
+from t2tl_jax.training.episodes import advance, begin
 
 from envs.single_state import EPISODE_LENGTH, SingleState, SingleStateConfig
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.episodes import advance, begin
 
 
 def test_the_action_is_the_label():

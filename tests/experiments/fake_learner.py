@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 from fake_agent import FRAMES_PER_ITERATION, make_agent
 from flax import struct
+from t2tl_jax.runs.build import Experiment
 
 from experiments import run
 from experiments.configs import Config
-from t2tl_jax.runs.build import Experiment
 
 SUCCESS, VIOLATION = 0.6, 0.3  # of an episode's first step, if the action is 1
 

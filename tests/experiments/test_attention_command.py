@@ -4,12 +4,12 @@ import dataclasses
 
 import jax.numpy as jnp
 import pytest
+from t2tl_jax.runs.build import build
 
 from experiments import attention
 from experiments.configs import CONFIGS, PoolConfig
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import pretraining
-from t2tl_jax.runs.build import build
 
 
 @pytest.fixture

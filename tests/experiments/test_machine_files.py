@@ -6,6 +6,7 @@ from pathlib import Path
 
 import fake_learner
 import pytest
+from t2tl_jax.runs.build import make_table
 
 from envs import registry
 from experiments import evaluate, run
@@ -13,7 +14,6 @@ from experiments.compare import differences
 from experiments.configs import CONFIGS, PRETRAINING, Config
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import pretraining
-from t2tl_jax.runs.build import make_table
 from t2tl_jax.runs.convergence import ConvergenceConfig
 
 MACHINE = "start -> a\notherwise -> stay\n\na -> b : Red\nb -> done : Black / 1\n"

@@ -7,6 +7,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from t2tl_jax.runs.build import build
 
 from envs.single_state import SingleStateConfig
 from experiments import methods, pretrain, run
@@ -17,7 +18,6 @@ from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import pretraining, stored_params, training_run
-from t2tl_jax.runs.build import build
 from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS
 

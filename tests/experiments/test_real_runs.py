@@ -8,6 +8,7 @@ import chex
 import jax
 import numpy as np
 import pytest
+from t2tl_jax.runs.build import build
 
 from envs.zones import ZoneConfig
 from experiments import attention, compare, evaluate, methods, run
@@ -15,7 +16,6 @@ from experiments.configs import CONFIGS, PoolConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs.build import build
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.training.program import trace
 from t2tl_jax.training.seeds import place

@@ -3,12 +3,12 @@
 import dataclasses
 
 import pytest
+from t2tl_jax.runs.build import make_table
 
 from envs import registry
 from experiments import evaluate, run
 from experiments.configs import CONFIGS
 from t2tl_jax.ltl import PAPER_TASKS
-from t2tl_jax.runs.build import make_table
 
 
 @pytest.mark.parametrize(
