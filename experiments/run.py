@@ -62,7 +62,7 @@ def _train(config: Any, path: Path, asked: Any, stop: Any, words: list[str]) -> 
         Interrupted: saying when the user stopped it.
     """
     from experiments.cli.words import Words
-    from t2tl_jax.runs import train
+    from t2tl_jax.runs import folder, train
     from t2tl_jax.runs.interrupts import Interrupted
     from t2tl_jax.runs.progress_bar import ProgressBar
 
@@ -76,7 +76,8 @@ def _train(config: Any, path: Path, asked: Any, stop: Any, words: list[str]) -> 
         "command": words,
     }
     if asked.resume:
-        result = train.resume(path, **options, **vars(config))
+        train.refuse_other_changes(folder.open_existing(path)[1], config)
+        result = train.resume(path, **options, **{name: getattr(config, name) for name in train.CHANGEABLE})
     else:
         result = train.train(config, folder=path, **options)
     _conclude(result, stop)

@@ -76,7 +76,6 @@ def train(
             run = run_folder.create(Path(folder), chosen, describe(command and list(command)))
             experiment = replace(experiment, config=machine_files.with_copy(chosen, run.path))
 
-
         def pretrain() -> Result:
             inner = None if run is None else run.path / pretraining.FOLDER
             return first or _pretrain(chosen, experiment.env, inner, pretraining_callbacks, stop, command)
@@ -109,17 +108,8 @@ def resume(
     stop = stop or NeverStop()
     with explained():
         run, stored = run_folder.open_existing(Path(folder))
-        config = replace(stored, **changes)
-        changed = [
-            field.name
-            for field in fields(Config)
-            if field.name not in CHANGEABLE and getattr(config, field.name) != getattr(stored, field.name)
-        ]
-        if changed:
-            raise UserError(
-                "a resumed run keeps its configuration; only --frames, --until-solved, --convergence.* and --run.* "
-                f"apply, not {', '.join(changed)}"
-            )
+        config = _changed(stored, changes)
+        refuse_other_changes(stored, config)
         with Checkpoints(run.checkpoints) as checkpoints:
             begun = checkpoints.latest_iteration() is not None
         experiment = stop.call(lambda: _checked(config, env, None, begun), "while preparing")
@@ -153,7 +143,7 @@ def load(
     """
     with explained():
         run, stored = run_folder.open_existing(Path(folder))
-        experiment = build(replace(stored, **changes), env)
+        experiment = build(_changed(stored, changes), env)
         try:
             shapes = experiment.params_shapes
         except (ValueError, TypeError) as error:
@@ -183,9 +173,7 @@ def _configuration(
     changes: dict[str, Any],
 ) -> tuple[Config, LabelledEnv | None]:
     """The configuration that the arguments of `train` mean, and the environment if it was given as an object."""
-    unknown = set(changes) - {field.name for field in fields(Config)}
-    if unknown:
-        raise UserError(f"a configuration has no field {', '.join(sorted(unknown))}")
+    _check_names(changes)
     if task is not None:
         changes["task"] = task
     if learner is not None:
@@ -206,6 +194,35 @@ def _configuration(
         )
     own: EnvConfig = GivenEnv(name=type(config).__name__)
     return Config(env=own, **changes), config
+
+
+def _check_names(changes: dict[str, Any]) -> None:
+    unknown = set(changes) - {field.name for field in fields(Config)}
+    if unknown:
+        raise UserError(f"a configuration has no field {', '.join(sorted(unknown))}")
+
+
+def _changed(stored: Config, changes: dict[str, Any]) -> Config:
+    _check_names(changes)
+    return replace(stored, **changes)
+
+
+def refuse_other_changes(stored: Config, config: Config) -> None:
+    """Refuse to resume a run with another configuration than the stored one, but for what may change.
+
+    Raises:
+        UserError: naming what else is changed.
+    """
+    changed = [
+        field.name
+        for field in fields(Config)
+        if field.name not in CHANGEABLE and getattr(config, field.name) != getattr(stored, field.name)
+    ]
+    if changed:
+        raise UserError(
+            "a resumed run keeps its configuration; only --frames, --until-solved, --convergence.* and --run.* "
+            f"apply, not {', '.join(changed)}"
+        )
 
 
 def _checked(config: Config, env: LabelledEnv | None, first: Result | None, begun: bool = False) -> Experiment:
