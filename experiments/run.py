@@ -95,7 +95,8 @@ def _conclude(result: Any, stop: Any) -> None:
 
     run, config, experiment = RunFolder(result.folder), result.config, result.experiment
     with _noted("no learning curve"):
-        print(words.curves_table(result))
+        if result.metrics:
+            print(words.curves_table(result))
         plot_learning_curves(run.metrics, run.curves, title=f"{config.task} ({run.path})")
     finished, episodes = result.ended != "interrupted", config.run.evaluation_episodes
 
@@ -131,9 +132,11 @@ def _conclude(result: Any, stop: Any) -> None:
 @contextmanager
 def _noted(what: str) -> Iterator[None]:
     """Say what went wrong with a result, and go on: the training is on disk, and a picture less is no lost run."""
+    from t2tl_jax.runs.metrics_file import MetricsFileError
+
     try:
         yield
-    except (UserError, OSError) as error:
+    except (UserError, MetricsFileError, OSError) as error:
         print(f"note: {what}: {error}", flush=True)
 
 

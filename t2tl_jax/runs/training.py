@@ -136,11 +136,14 @@ class Training:
     def _earlier(self, done: int) -> dict[str, np.ndarray]:
         """The metrics behind a checkpoint, by name float[seeds, done]."""
         assert self.run_folder is not None
+        going_on = done < self.experiment.config.iterations
         try:
-            if done < self.experiment.config.iterations:
+            if going_on:
                 lines_up_to(self.run_folder.metrics, done)  # the logger would say the same, but after compiling
             return {name: values[:, :done] for name, values in history(self.run_folder.metrics).items()}
         except MetricsFileError as error:
+            if not going_on:  # the parameters can be used without
+                return {}
             hint = "A resumed run needs its rows so far: mend the file, bring back a copy of it, or begin a new run."
             raise UserError(f"{error}\n{hint}") from error
 
