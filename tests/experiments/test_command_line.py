@@ -207,7 +207,7 @@ def test_list_names_every_config(capsys):
     assert run.main(["--list"]) == 0
     output = capsys.readouterr().out
     assert all(name in output for name in CONFIGS)
-    assert "environments: " in output and "learners: ppo, dqn" in output and "one_hot" in output
+    assert "environments: " in output and "learners: " in output and "one_hot" in output
 
 
 @pytest.mark.slow
