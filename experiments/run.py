@@ -92,12 +92,13 @@ def _conclude(result: Any, stop: Any) -> None:
     from t2tl_jax.evaluation.report import table
     from t2tl_jax.runs import evaluations
     from t2tl_jax.runs.folder import RunFolder
+    from t2tl_jax.runs.metrics_file import history
 
     run, config, experiment = RunFolder(result.folder), result.config, result.experiment
     with _noted("no learning curve"):
-        if result.metrics:
-            print(words.curves_table(result))
-        plot_learning_curves(run.metrics, run.curves, title=f"{config.task} ({run.path})")
+        metrics = result.metrics or history(run.metrics)  # which says why there are none
+        print(words.curves_table(result))
+        plot_learning_curves(metrics, result.seeds, run.curves, title=f"{config.task} ({run.path})")
     finished, episodes = result.ended != "interrupted", config.run.evaluation_episodes
 
     def evaluate() -> None:

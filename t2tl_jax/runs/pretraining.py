@@ -23,7 +23,6 @@ from t2tl_jax.runs.experiment import Experiment, build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.metrics_file import ending
 from t2tl_jax.training import transfer
-from t2tl_jax.training.seeds import parse_seeds
 from t2tl_jax.training.types import Params
 
 if TYPE_CHECKING:
@@ -131,7 +130,9 @@ def _check_fits(before: Experiment, experiment: Experiment, source: str) -> None
         )
     departures = list(differences(theirs, ours, "learner.network.task_encoder."))
     if departures:
-        raise UserError(f"the task encoder of {source} was made with other settings; this run has {', '.join(departures)}")
+        raise UserError(
+            f"the task encoder of {source} was made with other settings; this run has {', '.join(departures)}"
+        )
     if before.env.propositions != experiment.env.propositions:
         raise UserError(
             f"the task encoder of {source} reads formulas over {', '.join(before.env.propositions)}, in this order; "
@@ -151,8 +152,8 @@ def _check_padding(before: Experiment, experiment: Experiment, source: str) -> N
     if theirs != ours:
         flag = "--pool.length" if experiment.pools is not None else "--task-length"
         raise UserError(
-            "a Transformer with masked=False reads the padding of its formulas too, so they need as many tokens here as "
-            f"in its pre-training: {theirs} in {source}, {ours} in this run; "
+            "a Transformer with masked=False reads the padding of its formulas too, so they need as many tokens here "
+            f"as in its pre-training: {theirs} in {source}, {ours} in this run; "
             f"set {flag} {theirs}, or another length with --pretrained auto, which then pre-trains with that length too"
         )
 
