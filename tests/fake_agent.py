@@ -57,7 +57,9 @@ class FakeState:
     best_score: jax.Array
 
 
-def make_agent(env: Any = None, config: FakeConfig | None = None, episode_length: int = 5, iterations: int = 1) -> Agent:
+def make_agent(
+    env: Any = None, config: FakeConfig | None = None, episode_length: int = 5, iterations: int = 1
+) -> Agent:
     del env, episode_length, iterations
     config = config or FakeConfig()
     optimizer = optax.chain(optax.clip_by_global_norm(1.0), optax.adam(config.rate))

@@ -1,7 +1,7 @@
 """A learner and an environment small enough to compile in an instant, for everything around the training.
 
-They are registered as a user's own would be: ``--config fake``, in another process with ``--import tests.fake_learner``.
-There FAKE_SECONDS slows each iteration down, FAKE_COMPILE_SECONDS and FAKE_EVALUATION_SECONDS the preparation and the
+They are registered as a user's own would be: ``--config fake``, and in other processes
+``--import tests.fake_learner``. There FAKE_SECONDS slows each iteration down, FAKE_COMPILE_SECONDS and FAKE_EVALUATION_SECONDS the preparation and the
 evaluation.
 """
 
@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
-from tests.fake_agent import FakeConfig, make_agent
 
 import experiments.configs  # noqa: F401, so that lists of what is registered begin with what is shipped
 from envs.single_state import SingleStateConfig
 from t2tl_jax.env import EnvConfig, LabelledEnv, State
 from t2tl_jax.registry import register_agent, register_config, register_env
 from t2tl_jax.runs.config import Config, RunConfig
+from tests.fake_agent import FakeConfig, make_agent
 
 SUCCESS, VIOLATION = 0.6, 0.3  # of an episode's first step, if the action is 1
 

@@ -5,9 +5,9 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import tests.fake_learner  # noqa: F401
 import pytest
 
+import tests.fake_learner  # noqa: F401
 from experiments import evaluate, run
 
 

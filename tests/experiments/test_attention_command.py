@@ -85,5 +85,5 @@ def test_start_of_a_run_with_pretrained_encoder(run, tmp_path, monkeypatch, caps
 
 
 def test_a_family_is_too_many_formulas_to_read(capsys):
-    assert attention.main([str(TRAINED), "--task", "Sequence_2_2"]) == 2
+    assert attention.main([str(TRAINED), "--task", "Until_1_2_1_1"]) == 2
     assert "family of random tasks: choose the one to read" in capsys.readouterr().err

@@ -75,7 +75,7 @@ def test_stop_during_training_saves_and_resumes_and_during_evaluation_keeps_the_
     process.send_signal(signal.SIGTERM)
     output = finish(process)
     assert process.returncode == 0, output
-    assert "stopped while evaluating, with training complete; continue with --resume" in output
+    assert "stopped while evaluating and drawing, with training complete; continue with --resume" in output
     whole = train("--frames", "1500", "--run.evaluation-episodes", "0")
     assert (run / "metrics.csv").read_bytes() == (whole / "metrics.csv").read_bytes()
 

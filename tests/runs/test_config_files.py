@@ -141,9 +141,15 @@ def reader(data):
         (lambda data: data["env"].update(pool=3), "config.env: unknown field 'pool', nearest known 'pool_size'"),
         (lambda data: data["env"].update(kind="water"), "unknown environment 'water'; did you mean 'waterworld'"),
         (lambda data: data["env"].update(kind="waterworld"), "config.env: unknown field"),
-        (lambda data: data.update(env=None), "config.env: expected an object whose kind names a registered environment"),
+        (
+            lambda data: data.update(env=None),
+            "config.env: expected an object whose kind names a registered environment",
+        ),
         (lambda data: data["learner"].update(kind="pp"), "unknown learner 'pp'; did you mean 'ppo'"),
-        (lambda data: data["learner"].pop("kind"), "config.learner: expected an object whose kind names a registered learner"),
+        (
+            lambda data: data["learner"].pop("kind"),
+            "config.learner: expected an object whose kind names a registered learner",
+        ),
         (lambda data: reader(data).update(kind="grus"), "unknown task encoder 'grus'; did you mean 'gru'"),
         (lambda data: reader(data).update(kind="gru"), "learner.network.task_encoder: unknown field"),
         (lambda data: data.update(version=3), r"stored by a newer version of t2tl_jax \(format 3\)"),
@@ -158,5 +164,5 @@ def test_files_of_other_versions_are_refused(change, said):
 
 @pytest.mark.parametrize("text", ["[]", "3", "null", "{}", '{"version": 2}'])
 def test_other_json_is_refused(text):
-    with pytest.raises(UserError, match="config.json does not fit this version"):
+    with pytest.raises(UserError, match=r"config\.json does not fit this version"):
         config_files.from_json(text, "config.json")

@@ -19,7 +19,9 @@ from t2tl_jax.runs.pools import make_pools
 from tests import fake_learner
 
 ENV = make_env(SingleStateConfig())
-CONFIG = dataclasses.replace(named_config("pretrain_zone"), task="Until_1_2_1_1", pool=PoolConfig(size=2, rows=16, length=14))
+CONFIG = dataclasses.replace(
+    named_config("pretrain_zone"), task="Until_1_2_1_1", pool=PoolConfig(size=2, rows=16, length=14)
+)
 
 
 def drawn(which: str):
