@@ -1,8 +1,8 @@
 """A learner and an environment small enough to compile in an instant, for everything around the training.
 
-They are registered as a user's own would be: ``--config fake``, and in other processes
-``--import tests.fake_learner``. There FAKE_SECONDS slows each iteration down, FAKE_COMPILE_SECONDS and FAKE_EVALUATION_SECONDS the preparation and the
-evaluation.
+They are registered as a user's own would be: ``--config fake``, in other processes with ``--import tests.fake_learner``
+before it. There FAKE_SECONDS slows each iteration down, FAKE_COMPILE_SECONDS and FAKE_EVALUATION_SECONDS the
+preparation and the evaluation.
 """
 
 import os

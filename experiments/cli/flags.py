@@ -65,7 +65,7 @@ def parse(
             if flag:
                 _value(flag, fields[flag], words)
         with contextlib.redirect_stderr(io.StringIO()) as complaint:
-            filled = tyro.cli(_unchecked(kind), prog=prog, description=description, args=texts, config=OPTIONS)
+            filled: Any = tyro.cli(_unchecked(kind), prog=prog, description=description, args=texts, config=OPTIONS)
         return kind(**{field.name: getattr(filled, field.name) for field in dataclasses.fields(filled)})
     except UserError:
         raise
