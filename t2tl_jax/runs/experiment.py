@@ -104,4 +104,3 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
                 "holds steps of former tasks; train families with ppo, or this learner on a single task"
             )
         return Experiment(config, env, table, agent, pools)
-

@@ -131,7 +131,9 @@ def _check_fits(before: Experiment, experiment: Experiment, source: str) -> None
         )
     departures = list(differences(theirs, ours, "learner.network.task_encoder."))
     if departures:
-        raise UserError(f"the task encoder of {source} was made with other settings; this run has {', '.join(departures)}")
+        raise UserError(
+            f"the task encoder of {source} was made with other settings; this run has {', '.join(departures)}"
+        )
     if before.env.propositions != experiment.env.propositions:
         raise UserError(
             f"the task encoder of {source} reads formulas over {', '.join(before.env.propositions)}, in this order; "

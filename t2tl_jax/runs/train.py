@@ -76,7 +76,6 @@ def train(
             run = run_folder.create(Path(folder), chosen, describe(command and list(command)))
             experiment = replace(experiment, config=machine_files.with_copy(chosen, run.path))
 
-
         def pretrain() -> Result:
             inner = None if run is None else run.path / pretraining.FOLDER
             return first or _pretrain(chosen, experiment.env, inner, pretraining_callbacks, stop, command)
