@@ -75,6 +75,9 @@ def test_a_part_can_be_of_another_kind():
     assert water.env == WaterWorldConfig() and water.learner == DQNConfig()
     one_hot = command_line.override(ZONE, ["--learner.network.task-encoder", "one_hot", "--pretrained", ""])
     assert one_hot.learner.network.task_encoder == OneHotConfig()
+    # Parts that fit only together: either flag alone is refused.
+    with pytest.raises(UserError, match="cannot be pre-trained"):
+        command_line.override(ZONE, ["--learner.network.task-encoder", "one_hot"])
     for config in (read_otherwise, water, one_hot):
         assert config_files.from_json(config_files.to_json(config), "test") == config
 
@@ -221,10 +224,3 @@ def test_unwritable_folder(capsys, tmp_path):
     assert run.main(["--config", "fake", "--run.folder", str(tmp_path / "file")]) == 2
     assert "cannot create a run" in capsys.readouterr().err
     assert Path(tmp_path / "file").read_text() == ""
-
-
-def test_a_run_from_before_segments_goes_on_with_single_steps():
-    data = json.loads(config_files.to_json(CONFIGS["zone_ppo"][0]))
-    del data["network"]["context"]["segment_length"]
-    data["network"]["context"]["aligned"] = False  # which segments of several steps refuse
-    assert config_files.from_json(json.dumps(data), "config.json").network.context.segment_length == 1

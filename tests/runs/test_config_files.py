@@ -96,6 +96,13 @@ def test_every_choice_of_the_first_format_is_understood():
     assert stored == ContextConfig(length=4, segment_length=8)
 
 
+def test_a_run_from_before_segments_goes_on_with_single_steps():
+    context = {"length": 8, "aligned": False}  # which segments of several steps refuse
+    network = first_format()["network"] | {"context": context}
+    config = config_files.from_json(json.dumps(first_format(network=network)), "config.json")
+    assert config.learner.network.context == ContextConfig(length=8, aligned=False, segment_length=1)
+
+
 def test_dqn_of_the_first_format():
     network = {"kind": "q_network", "task_encoder": "one_hot", "one_hot_size": 20, "head": "bilinear"}
     learner = {"steps_per_iteration": 7, "simultaneous": False, "num_envs": 3}
