@@ -11,11 +11,12 @@ import pytest
 import t2tl_jax
 from envs.single_state import SingleStateConfig
 from experiments import methods, pretrain, run
+from t2tl_jax import registry
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
-from t2tl_jax.registry import make_env, named_config, register_config
+from t2tl_jax.registry import make_env, named_config
 from t2tl_jax.runs import experiment as experiments_of
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import pretraining
@@ -83,7 +84,7 @@ def test_pools_change_and_a_resumed_run_meets_the_same_ones(command, capsys):
 def test_a_run_pretrains_for_itself_once_and_starts_with_that_encoder(command, monkeypatch, capsys, tmp_path):
     learner = dataclasses.replace(SCHEDULE.learner, **SIZES)
     small = dataclasses.replace(SCHEDULE, learner=learner, frames=384, convergence=ConvergenceConfig())
-    register_config("small_schedule", small, "for this test")
+    monkeypatch.setitem(registry._CONFIGS, "small_schedule", (small, "for this test"))
     monkeypatch.setattr(pretraining, "SCHEDULE", "small_schedule")
     flags = ("--task", "F(Red & F Black)", "--pretrained", "auto:F(Red & F White)", "--seeds", "2")
     freeze = ("--learner.network.freeze-task-encoder", "True")

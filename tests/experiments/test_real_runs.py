@@ -43,7 +43,7 @@ OTHER_TASK = {
     "zone_ppo_closed_form": ("--task", "F(Red & F White)"),  # other physics in `tests/runs/test_run_of_0_1.py`
     "waterworld_dqn": ("--task", "F(Yellow & F Purple)"),
 }
-SHIPPED = [name for name in configs() if "fake" not in name and name != "small_schedule"]
+SHIPPED = [name for name in configs() if "fake" not in name]
 
 
 def reduced(name: str, method: str = ""):
