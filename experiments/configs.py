@@ -24,7 +24,7 @@ _SHORT = PPOConfig(
     num_envs=256,
     unroll_length=128,
     minibatch_size=2048,
-    learning_rate=6e-4,
+    learning_rate=4e-4,
     adam_epsilon=1e-5,
 )
 
