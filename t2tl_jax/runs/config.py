@@ -1,0 +1,151 @@
+"""The configuration of a run: everything that its numbers depend on, and what happens around it."""
+
+import math
+import os
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from tyro.constructors import PrimitiveConstructorSpec
+
+from t2tl_jax import checks
+from t2tl_jax.env import EnvConfig
+from t2tl_jax.runs.convergence import ConvergenceConfig
+from t2tl_jax.training.types import LearnerConfig
+
+
+def _whole_number(texts: list[str]) -> int:
+    try:
+        number = float(texts[0].replace("_", ""))
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number) or number != int(number):
+        raise ValueError(f"expected a whole number such as 200000 or 2e5, got {texts[0]!r}")
+    return int(number)
+
+
+Count = Annotated[
+    int,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="INT",
+        instance_from_str=_whole_number,
+        is_instance=lambda value: isinstance(value, int),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
+"""A whole number that may be written 2e5 on the command line."""
+
+
+def _default_cache() -> str:
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.join("~", ".cache")
+    return os.path.join(base, "t2tl_jax", "xla")
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """What happens around the training; none of it changes the numbers."""
+
+    folder: str = "runs"
+    """Runs are stored in FOLDER/<config>/<time>."""
+    checkpoint_period: float = 120.0
+    """Seconds between checkpoints; there is always one at the end."""
+    evaluation_episodes: Count = 100
+    """Episodes per seed and policy (deterministic, sampled) of the evaluation after training; 0 for none."""
+    gif: bool = True
+    """Draw one evaluated episode from above."""
+    progress: bool = True
+    """Show a progress bar."""
+    compilation_cache: str = field(default_factory=_default_cache)
+    """Folder where compiled programs are kept, so that the next run starts sooner; '' for none."""
+
+    def __post_init__(self) -> None:
+        if not self.checkpoint_period >= 0:  # inf is fine: none but the one at the end
+            raise ValueError(f"checkpoint_period is in seconds and not negative, got {self.checkpoint_period}")
+        checks.counts(self, "evaluation_episodes", least=0)
+
+
+@dataclass(frozen=True)
+class PoolConfig:
+    """Random tasks: tables of many formulas of a family, one after another. Of a fixed task, nothing of this counts."""
+
+    size: Count = 32
+    """Formulas in a table; all seeds of a run have the same ones."""
+    period: Count = 4
+    """Iterations until the next table takes its place. Episodes under way then start anew."""
+    rows: Count = 512
+    """Rows of a table: what its formulas can become. Formulas that do not fit are drawn again."""
+    length: Count = 48
+    """Tokens of a row. Formulas that do not fit are drawn again."""
+    seed: Count = 0
+    """Which formulas are drawn. The pool for evaluation is another one in any case."""
+
+    def __post_init__(self) -> None:
+        checks.counts(self, "size", "period", "length")
+        if self.rows < 3:
+            raise ValueError(f"rows counts true, false and every open formula: at least 3, got {self.rows}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """Everything that a training run depends on. The learner owns its network."""
+
+    env: EnvConfig
+    """The environment."""
+    task: str
+    """A formula such as 'F(Red & F White)', a task by name, a reward machine by name or file (needs one_hot), or a
+    family such as Until_1_2_1_1: random tasks, see pool."""
+    task_length: int = 0
+    """Pad formulas to this many tokens; 0 for as many as the longest one has."""
+    pool: PoolConfig = field(default_factory=PoolConfig)
+    """How the tasks of a family are drawn."""
+    random_starts: float = 0.0
+    """Share of training episodes that start at a random sub-task of the formula (the on-policy form of the paper's
+    simultaneous learning); evaluation never does."""
+    learner: LearnerConfig
+    """The learner with its network."""
+    frames: Count = 10_000_000
+    """Environment steps of every seed; rounded up to whole iterations."""
+    until_solved: bool = False
+    """Stop before that when every seed has solved its task: success over 95 % in each of the last iterations."""
+    convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
+    """Stop before that when training has converged. Schedules over the run do not move."""
+    pretrained: str = ""
+    """Start with the task encoder (best parameters) of a pre-training run: its folder; or 'auto' to pre-train now on
+    random formulas, 'auto:own' on this run's task, 'auto:TASK' on another task or family; '' starts fresh."""
+    seeds: str = "1"
+    """How many seeds (4 means 0, 1, 2, 3) or which (0,3,7; a single seed 7 is '7,'). All train in one program."""
+    episode_length: Count = 1000
+    """Time limit of an episode, in steps."""
+    run: RunConfig = field(default_factory=RunConfig)
+    """Files and displays."""
+
+    def __post_init__(self) -> None:
+        if self.frames < 1:
+            raise ValueError(f"frames must be at least 1, got {self.frames}")
+        # One less than other counts: random lengths of first episodes are drawn from below the next number.
+        checks.counts(self, "episode_length", most=checks.COUNTER_LIMIT - 1)
+        checks.counts(self, "task_length", least=0)
+        checks.shares(self, "random_starts")
+        if self.frames > self.learner.max_frames:
+            raise ValueError(
+                f"frames must be at most {self.learner.max_frames:,} with these settings of the learner, "
+                f"which counts in 32 bits, got {self.frames:,}"
+            )
+        reader = self.learner.task_encoder
+        learned = reader is not None and reader.learned
+        if self.learner.freezes_task_encoder and not self.pretrained and learned:
+            raise ValueError(
+                "a frozen task encoder that was not pre-trained never learns anything, got "
+                "learner.network.freeze_task_encoder=True with pretrained=''; give --pretrained auto, or "
+                "--learner.network.freeze-task-encoder False"
+            )
+        if self.pretrained and not learned:
+            raise ValueError(
+                f"a code without parameters cannot be pre-trained, got pretrained={self.pretrained!r} with a task "
+                f"encoder of {type(reader).__name__}; leave pretrained empty, or use one that reads formulas"
+            )
+
+    @property
+    def iterations(self) -> int:
+        """As many as are needed for the frames asked for."""
+        return -(-self.frames // self.learner.frames_per_iteration)

@@ -1,0 +1,25 @@
+"""What two configurations differ in, in the words of the command line."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+from t2tl_jax.runs.machine_files import same_task
+
+
+def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
+    """Fields in which two configurations differ, as ``learner.noise_time=0.0``; where the run was stored does not count.
+
+    Of another kind of environment, network or learner, its name and what departs from its defaults.
+    """
+    for field in dataclasses.fields(base):
+        if prefix == "" and field.name == "run":
+            continue
+        a, b, name = getattr(base, field.name), getattr(other, field.name), prefix + field.name
+        if dataclasses.is_dataclass(b) and not isinstance(b, type):
+            if type(a) is not type(b):
+                yield f"{name}={type(b).__name__}"
+                a = type(b)()
+            yield from differences(a, b, name + ".")
+        elif a != b and not (name == "task" and same_task(a, b)):
+            yield f"{name}={b}"

@@ -1,0 +1,35 @@
+"""The metrics of a training in memory, as arrays by name."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from t2tl_jax.runs.callbacks import Callback, Progress, Row
+
+
+class History(Callback):
+    """Keeps every metric of every iteration. NaN stands for an average over no episodes."""
+
+    def __init__(self, earlier: Mapping[str, np.ndarray] | None = None) -> None:
+        """Begin, or go on behind the iterations of `earlier`: by name, float[seeds, iterations]."""
+        self._earlier = dict(earlier or {})
+        self._rows: list[Sequence[Row]] = []
+
+    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+        """Keep the rows."""
+        self._rows.append(rows)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """By name, float64[seeds, iterations]; ``frames`` counts the environment steps of each seed."""
+        if not self._rows:
+            return self._earlier
+        names = [name for name in self._rows[0][0] if name not in ("iteration", "seed")]
+        new = {name: self._column(name) for name in names}
+        if not self._earlier:
+            return new
+        missing = np.full_like(next(iter(self._earlier.values())), np.nan)
+        return {name: np.concatenate([self._earlier.get(name, missing), new[name]], axis=1) for name in new}
+
+    def _column(self, name: str) -> np.ndarray:
+        cells = [[np.nan if row[name] is None else row[name] for row in rows] for rows in self._rows]
+        return np.array(cells, np.float64).T

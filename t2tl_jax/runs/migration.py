@@ -1,0 +1,46 @@
+"""Configurations that an earlier version stored, in the words of this one: runs and results of then stay readable."""
+
+from typing import Any
+
+VERSION = 2
+"""Of the stored configuration. The first one had no number, a network beside the learner, and one field a learner."""
+
+RENAMED = {
+    "ppo": {"rollout_steps": "unroll_length", "clip": "clip_eps"},
+    "dqn": {"steps_per_iteration": "unroll_length", "simultaneous": "counterfactual"},
+}
+"""Fields of a learner whose names became the field's usual ones."""
+
+ENCODERS = ("transformer", "rgcn", "gru")
+"""Each had a field of its own beside the choice between them."""
+
+
+def migrated(data: Any) -> Any:
+    """The JSON object of a configuration as this version writes it, without its version; others as they are."""
+    if not isinstance(data, dict):
+        return data
+    data = dict(data)
+    version = data.pop("version", 1)
+    if version not in (1, VERSION):
+        raise ValueError(f"the configuration was stored by a newer version of t2tl_jax (format {version})")
+    return _from_first(data) if version == 1 else data
+
+
+def _from_first(data: dict[str, Any]) -> dict[str, Any]:
+    data["env"] = {"kind": "zones", **data.get("env", {})}  # where no kind was named, the first one was meant
+    if "simultaneous" in data:
+        data["random_starts"] = data.pop("simultaneous")
+    learners = {kind: data.pop(kind, None) for kind in RENAMED}
+    kind = "dqn" if learners["dqn"] else "ppo"
+    learner = {RENAMED[kind].get(name, name): value for name, value in (learners[kind] or {}).items()}
+    network = {name: value for name, value in data.pop("network", {}).items() if name != "kind"}
+    reader = network.pop("task_encoder", "transformer")
+    size = network.pop("one_hot_size", 16)
+    sizes = {name: network.pop(name, None) for name in ENCODERS}
+    encoder = {"size": size} if reader == "one_hot" else dict(sizes.get(reader) or {})
+    network["task_encoder"] = {"kind": reader, **encoder}
+    if network.get("context"):
+        # Each sample was read with a window of its own.
+        network["context"] = {**network["context"], "segment_length": 1}
+    data["learner"] = {"kind": kind, "network": network, **learner}
+    return data

@@ -1,0 +1,87 @@
+"""A trained policy that acts: a pytree of parameters and codes of tasks, so that jit and vmap work on it."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+
+from t2tl_jax.errors import UserError
+from t2tl_jax.ltl import TaskTable, compile_named
+from t2tl_jax.training.types import Agent, Carry, Params
+
+
+@struct.dataclass
+class Policy:
+    """The policy of one seed on the tasks of one table.
+
+    ``policy(obs, row)`` gives an action. A policy that remembers its episode also needs the carry: begin with
+    ``carry = policy.begin()``, pass ``carry=carry``, and after every step go on with
+    ``carry = policy.remember(carry, obs, action, reward)``.
+    """
+
+    params: Params
+    """Parameters of the network."""
+    embedding: jax.Array
+    """``float32[rows, dim]``: the code of every row of the table."""
+    table: TaskTable
+    """The tasks, by row; `TaskTable.step` says how a row goes on."""
+    agent: Agent = struct.field(pytree_node=False)
+    """The learner's functions."""
+
+    def begin(self) -> Carry:
+        """What the policy remembers of one environment's episode at its start; () for a policy without memory."""
+        return self.agent.begin()
+
+    def remember(self, carry: Carry, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Carry:
+        """The carry after a step in which `action` was taken on `obs` and `reward` followed."""
+        return self.agent.remember(self.params, carry, obs, action, reward)
+
+    def row(self, task: str) -> int:
+        """The row of the table that has the meaning of `task`: a formula, or the name of one.
+
+        Raises:
+            UserError: if no row has; the message lists them.
+            LTLError: for a formula with mistakes.
+        """
+        wanted = compile_named(task, self.table.propositions, self.table.alphabet)
+        text = wanted.text(int(wanted.initial_row[0]))
+        texts = [self.table.text(row) for row in range(self.table.num_rows)]
+        if text not in texts:
+            raise UserError(
+                f"{task} is no row of this policy's table; its rows: {'; '.join(texts[2:])}. "
+                "For another task ask the run for a policy: run.policy(seed, task=...)"
+            )
+        return texts.index(text)
+
+    def __call__(
+        self, obs: jax.Array, task: jax.Array | int | str, carry: Carry = None, key: jax.Array | None = None
+    ) -> jax.Array:
+        """The action: the mode of the policy's distribution, or a draw from it if there is a `key`.
+
+        Args:
+            obs: float32[..., O].
+            task: which row of the table is to be carried out, int32[...], or a formula in words (not inside jit).
+            carry: what the policy remembers, with the leading axes of `obs`; needed only by a policy with memory.
+            key: a random key, for a sampled action.
+
+        Raises:
+            UserError: if a policy with memory gets no carry, or for an unknown task.
+        """
+        row = self.row(task) if isinstance(task, str) else task
+        row = jnp.broadcast_to(jnp.asarray(row, jnp.int32), jnp.shape(obs)[:-1])
+        if carry is None:
+            if jax.tree.leaves(self.begin()):
+                raise UserError(
+                    "this policy remembers its episode: pass carry=policy.begin() at the start, and go on with "
+                    "carry = policy.remember(carry, obs, action, reward) after every step"
+                )
+            carry = ()
+        deterministic = key is None
+        key = jax.random.key(0) if key is None else key
+        return self.agent.act(self.params, self.embedding, carry, jnp.asarray(obs), row, key, deterministic)
+
+
+def of_seed(tree: Any, index: int) -> Any:
+    """One seed's part of a tree with leading axis [seeds]."""
+    return jax.tree.map(lambda leaf: leaf[index], tree)

@@ -1,0 +1,130 @@
+"""What a training leaves behind, in memory or on disk: metrics, parameters, policies, evaluations."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from t2tl_jax.env import LabelledEnv
+from t2tl_jax.errors import UserError, explained
+from t2tl_jax.evaluation.report import Report
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.runs import evaluations
+from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.experiment import Experiment
+from t2tl_jax.runs.policy import Policy, of_seed
+from t2tl_jax.runs.pools import make_table
+from t2tl_jax.runs.solved import solved_since
+from t2tl_jax.training.types import Params
+
+
+@dataclass(frozen=True)
+class Result:
+    """A trained run; `train`, `resume` and `load` return one."""
+
+    experiment: Experiment
+    """Environment, task table and learner."""
+    params: Params
+    """The best parameters of every seed (highest discounted return in training), leading axis [seeds]."""
+    metrics: Mapping[str, np.ndarray]
+    """By name, float64[seeds, iterations]: ``frames``, ``success_rate``, ``discounted_return``, losses and so on. NaN
+    stands for an average over no episodes."""
+    iteration: int
+    """Iterations behind us."""
+    ended: str = "complete"
+    """Why the training ended: complete, converged, solved, interrupted, or what a callback gave as reason."""
+    folder: Path | None = None
+    """Where the run lies; None for one that is not kept on disk."""
+
+    @property
+    def config(self) -> Config:
+        """The configuration."""
+        return self.experiment.config
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Numbers of the seeds, in the order of the leading axes."""
+        return self.experiment.seeds
+
+    @property
+    def solved(self) -> dict[int, int | None]:
+        """By seed, the frames after which its success rate rose above 95 % and stayed there to the end; None if not."""
+        since = solved_since(self.metrics["success_rate"]) if "success_rate" in self.metrics else np.zeros(0, int)
+        frames = self.experiment.agent.frames_per_iteration
+        return {seed: int(at) * frames or None for seed, at in zip(self.seeds, since, strict=False)}
+
+    def index(self, seed: int | None) -> int:
+        """Place of a seed on the leading axes, by default of the first one; UserError for one that is not there."""
+        if seed is None:
+            return 0
+        if seed not in self.seeds:
+            raise UserError(f"this run has no seed {seed}; its seeds: {', '.join(map(str, self.seeds))}")
+        return self.seeds.index(seed)
+
+    def policy(self, seed: int | None = None, task: str | TaskTable | None = None) -> Policy:
+        """The policy of one seed.
+
+        Args:
+            seed: its number; by default the first one.
+            task: another task than the one that was trained on, as a text or a table.
+
+        Raises:
+            UserError: for a seed or a task that does not fit.
+        """
+        experiment = self._on(task)
+        params = of_seed(self.params, self.index(seed))
+        embedding = jax.jit(experiment.agent.embed)(params, experiment.table)
+        return Policy(params, embedding, experiment.table, experiment.agent)
+
+    def evaluate(
+        self,
+        task: str | TaskTable | None = None,
+        episodes: int = 100,
+        env: LabelledEnv | None = None,
+        episode_length: int | None = None,
+    ) -> dict[str, Report]:
+        """Play complete episodes with every seed; reports with intervals of the deterministic and the sampled policy.
+
+        Args:
+            task: another task than the one that was trained on.
+            episodes: per seed and policy.
+            env: another environment with the same observations, actions and propositions, such as other physics.
+            episode_length: another time limit, in steps.
+
+        Raises:
+            UserError: for a task that does not fit.
+        """
+        experiment = self._on(task)
+        if env is not None:
+            experiment = replace(experiment, env=env)
+        length = self.config.episode_length if episode_length is None else episode_length
+        return evaluations.evaluate(experiment, self.params, episodes, length)
+
+    def _on(self, task: str | TaskTable | None) -> Experiment:
+        """The experiment with another task; UserError if the network cannot read it."""
+        if task is None:
+            return self.experiment
+        if isinstance(task, str):
+            with explained():
+                table = make_table(replace(self.config, task=task), self.experiment.env)
+        else:
+            table = task
+        experiment = self.experiment.with_table(table)
+        try:
+            jax.eval_shape(experiment.agent.embed, of_seed_shapes(self.params), table)
+        except (ValueError, TypeError) as error:
+            raise UserError(
+                f"the network of this run cannot read {task}: {error}\n"
+                "A trained network keeps the kind and the sizes that it was made with: choose a task within them, or "
+                "train another run for this one."
+            ) from error
+        return experiment
+
+
+def of_seed_shapes(params: Params) -> Any:
+    """Shapes and dtypes of one seed's part of parameters with leading axis [seeds]."""
+    return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), params)
+

@@ -1,0 +1,62 @@
+"""When a task was solved: the success rate rose above 95 % and stayed there. One word, one meaning, everywhere."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from t2tl_jax.evaluation.report import SOLVED
+
+WINDOW = 5
+"""So many iterations in a row, each above the threshold, make it credible while training is still under way."""
+
+
+def solved_since(success_rate: np.ndarray) -> np.ndarray:
+    """The iteration from which on each seed stayed solved until the end of its curve: int[seeds], counted from 1.
+
+    An iteration in which no episode ended neither counts nor breaks the series. 0 stands for a seed that is not solved
+    at the end, or for fewer than `WINDOW` iterations.
+
+    Args:
+        success_rate: float[seeds, iterations], NaN where no episode ended.
+    """
+    since = np.zeros(len(success_rate), int)
+    for index, curve in enumerate(success_rate):
+        known = np.flatnonzero(np.isfinite(curve))
+        failing = np.flatnonzero(~(curve[known] > SOLVED))
+        staying = known[failing[-1] + 1 :] if failing.size else known
+        if len(staying) >= WINDOW:
+            since[index] = staying[0] + 1
+    return since
+
+
+class SolvedWatch:
+    """The same, iteration by iteration, from the rows of the metrics."""
+
+    def __init__(self, seeds: int, success_rate: np.ndarray | None = None) -> None:
+        """Begin, or take up again after the iterations whose rates are given: float[seeds, iterations] or None."""
+        self._since = np.zeros(seeds, int)
+        self._count = np.zeros(seeds, int)
+        self._iteration = 0
+        for column in () if success_rate is None else success_rate.T:
+            self._add(column)
+
+    def add(self, rows: Sequence[Mapping[str, float | int | None]]) -> None:
+        """Take in one iteration: a row of metrics for every seed."""
+        values = [row["success_rate"] for row in rows]
+        self._add(np.array([np.nan if value is None else value for value in values], float))
+
+    @property
+    def since(self) -> np.ndarray:
+        """As `solved_since`, of the curve so far."""
+        return np.where(self._count >= WINDOW, self._since, 0)
+
+    @property
+    def all(self) -> bool:
+        """Whether every seed is solved now."""
+        return bool((self.since > 0).all())
+
+    def _add(self, success_rate: np.ndarray) -> None:
+        self._iteration += 1
+        known, above = np.isfinite(success_rate), success_rate > SOLVED
+        self._since = np.where(known & above & (self._count == 0), self._iteration, self._since)
+        self._count = np.where(known, np.where(above, self._count + 1, 0), self._count)
