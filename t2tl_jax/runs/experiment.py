@@ -100,8 +100,8 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
         agent = make_agent(training_env, config.learner, config.episode_length, config.iterations)
         if pools is not None and agent.restart is None:
             raise UserError(
-                f"{config.task} is a family of random tasks, which change during training, and this learner's replay "
-                "holds steps of former tasks; train families with ppo, or this learner on a single task"
+                f"{config.task} is a family of random tasks, which change during training, and this learner cannot go on "
+                "with other tasks (it offers no `restart`); train families with ppo, or this learner on a single task"
             )
         return Experiment(config, env, table, agent, pools)
 
