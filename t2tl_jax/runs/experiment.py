@@ -73,6 +73,12 @@ class Experiment:
         init = jax.vmap(self.agent.init, in_axes=(0, OVER_SEEDS))
         return jax.eval_shape(init, stream_keys(self.seeds, TRAINING), self.env_params(training=False)).params
 
+    def with_config(self, config: Config) -> "Experiment":
+        """The same objects under a configuration that says the same in other words; what was traced stays."""
+        same = replace(self, config=config)
+        same.__dict__.update({name: self.__dict__[name] for name in ("program",) if name in self.__dict__})
+        return same
+
     def with_table(self, table: TaskTable) -> "Experiment":
         """The same learner and environment with another task, to evaluate on."""
         return replace(self, table=table)
@@ -100,8 +106,7 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
         agent = make_agent(training_env, config.learner, config.episode_length, config.iterations)
         if pools is not None and agent.restart is None:
             raise UserError(
-                f"{config.task} is a family of random tasks, which change during training, and this learner cannot go on "
-                "with other tasks (it offers no `restart`); train families with ppo, or this learner on a single task"
+                f"{config.task} is a family of random tasks, which change during training, and this learner cannot go "
+                "on with other tasks: it offers no `restart`; train families with ppo, or give a single task"
             )
         return Experiment(config, env, table, agent, pools)
-

@@ -23,7 +23,6 @@ from t2tl_jax.runs.experiment import Experiment, build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.metrics_file import ending
 from t2tl_jax.training import transfer
-from t2tl_jax.training.seeds import parse_seeds
 from t2tl_jax.training.types import Params
 
 if TYPE_CHECKING:
@@ -81,12 +80,15 @@ def matching(config: Config, env: LabelledEnv) -> Config:
     )
 
 
-def check(experiment: Experiment, first: "Result | None") -> None:
+def check(experiment: Experiment, first: "Result | None") -> Experiment:
     """Refuse a pre-training that cannot be that of a run, before anything is traced or written.
 
     Args:
         experiment: of the run that starts with its encoder.
         first: the pre-training, where its result was given.
+
+    Returns:
+        The pre-training's own environment, table and learner.
 
     Raises:
         UserError: if it is no run, has no checkpoint, or its encoder does not fit.
@@ -94,20 +96,23 @@ def check(experiment: Experiment, first: "Result | None") -> None:
     config = experiment.config
     if first is not None:
         _check_fits(first.experiment, experiment, "the given pre-training")
-    elif not is_auto(config):
+        return first.experiment
+    if not is_auto(config):
         folder, stored = run_folder.open_existing(Path(config.pretrained))
-        _check_fits(build(stored), experiment, str(folder.path))
+        before = build(stored)
+        _check_fits(before, experiment, str(folder.path))
         with Checkpoints(folder.checkpoints) as checkpoints:
             if checkpoints.latest_iteration() is None:
                 raise UserError(
                     f"{folder.checkpoints} holds no complete checkpoint, so there is no encoder to start with; finish "
                     f"that run with --resume {folder.path}, or give --pretrained auto to pre-train now"
                 )
-    else:
-        before = build(matching(config, experiment.env))
-        _check_padding(before, experiment, f"the pre-training on {before.config.task}")
-        if before.pools is not None:
-            before.pools(0)
+        return before
+    before = build(matching(config, experiment.env))
+    _check_padding(before, experiment, f"the pre-training on {before.config.task}")
+    if before.pools is not None:
+        before.pools(0)
+    return before
 
 
 def encoder(experiment: Experiment, first: "Result") -> Params:
@@ -131,7 +136,9 @@ def _check_fits(before: Experiment, experiment: Experiment, source: str) -> None
         )
     departures = list(differences(theirs, ours, "learner.network.task_encoder."))
     if departures:
-        raise UserError(f"the task encoder of {source} was made with other settings; this run has {', '.join(departures)}")
+        raise UserError(
+            f"the task encoder of {source} was made with other settings; this run has {', '.join(departures)}"
+        )
     if before.env.propositions != experiment.env.propositions:
         raise UserError(
             f"the task encoder of {source} reads formulas over {', '.join(before.env.propositions)}, in this order; "

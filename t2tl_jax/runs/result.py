@@ -127,4 +127,3 @@ class Result:
 def of_seed_shapes(params: Params) -> Any:
     """Shapes and dtypes of one seed's part of parameters with leading axis [seeds]."""
     return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), params)
-

@@ -88,7 +88,8 @@ class Training:
             state = self._restore()
             for callback in self.callbacks:
                 callback.on_plan(progress)
-            progress.stop = "complete" if progress.done >= config.iterations else self._reason()
+            if not progress.stop:
+                progress.stop = "complete" if progress.done >= config.iterations else self._reason()
             callbacks = [self.past, *files, *self.callbacks]
             try:
                 if not progress.stop:
@@ -101,7 +102,7 @@ class Training:
                 for callback in callbacks:
                     callback.on_end(progress)
         if progress.done == 0:
-            raise Interrupted("before the first iteration was complete")
+            raise Interrupted(f"before the first iteration was complete: {progress.stop}")
         return Result(experiment, best_params(state), self.past.arrays(), progress.done, progress.stop, path)
 
     def _open(self, stack: ExitStack) -> list[Callback]:
