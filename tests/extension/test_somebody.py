@@ -19,11 +19,14 @@ from somebody.logger import JSONLines
 from somebody.world import Lamps, LampsConfig
 
 import t2tl_jax
-from experiments import compare, evaluate, run
+from experiments import compare, evaluate
 from experiments.cli import request
 from t2tl_jax import Config, EnvConfig, NetworkConfig, PPOConfig, UserError
+from t2tl_jax.registry import named_config
 from t2tl_jax.runs import experiment as experiments_of_runs
+from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.config_files import from_json, to_json
+from t2tl_jax.training.program import trace
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -34,6 +37,11 @@ PPO = PPOConfig(
     unroll_length=8,
     epochs=1,
     minibatch_size=64,
+)
+
+
+SINGLE_STATE = dataclasses.replace(
+    PPO, network=dataclasses.replace(PPO.network, env_layers=(), actor_layers=(), critic_layers=())
 )
 
 
@@ -161,7 +169,12 @@ def test_help_shows_own_fields(capsys):
         configured("--config", "lights", "--help")
     assert end.value.code == 0
     text = " ".join(capsys.readouterr().out.split())
-    for said in ("--env.count", "Lamps, called lamp1", "--learner.network.task-encoder.size", "--learner.network.width"):
+    for said in (
+        "--env.count",
+        "Lamps, called lamp1",
+        "--learner.network.task-encoder.size",
+        "--learner.network.width",
+    ):
         assert said in text
 
 
@@ -211,28 +224,50 @@ def test_own_family_trains_the_projects_learner(config):
 
 
 def test_a_learner_without_restart_refuses_families(config):
-    with pytest.raises(UserError, match="Lights is a family of random tasks.*offers no `restart`"):
+    with pytest.raises(UserError, match=r"Lights is a family of random tasks.*offers no `restart`"):
         t2tl_jax.train(config, "Lights", pool=dataclasses.replace(config.pool, size=2))
 
 
 # ----- everything is built once -----
 
 
-@pytest.mark.slow
-def test_one_command_builds_everything_once(monkeypatch, command):
-    tables = []
+@pytest.fixture
+def tables(monkeypatch):
+    """The tasks of all tables that are compiled; environments and learners count theirs from 0, too."""
+    tasks, make_table = [], experiments_of_runs.make_table
 
-    def counted(*arguments):
-        tables.append(make_table(*arguments))
-        return tables[-1]
+    def counted(config, env):
+        tasks.append(config.task)
+        return make_table(config, env)
 
-    make_table = experiments_of_runs.make_table
     monkeypatch.setattr(experiments_of_runs, "make_table", counted)
     monkeypatch.setattr(Lamps, "built", 0)
     monkeypatch.setattr(learner, "built", [])
+    return tasks
+
+
+@pytest.mark.slow
+def test_one_command_builds_everything_once(tables, config, command):
     folder = command("--run.gif", "True")
     assert (folder / "evaluation.json").exists()
-    assert (Lamps.built, len(tables), len(learner.built)) == (1, 1, 1)
+    assert (Lamps.built, tables, len(learner.built)) == (1, [config.task], 1)
+
+
+@pytest.mark.slow
+def test_so_does_its_pretraining(tables, config, monkeypatch, tmp_path):
+    """The environment of a pre-training is another one; its table comes after the run's own."""
+    small = dataclasses.replace(named_config("pretrain_zone"), learner=SINGLE_STATE, frames=64)
+    monkeypatch.setattr(pretraining, "named_config", lambda name: small)
+    traced = []
+    monkeypatch.setattr(experiments_of_runs, "trace", lambda *given, **more: traced.append(1) or trace(*given, **more))
+    once = t2tl_jax.train(config, pretrained="auto:F lamp1", seeds=1, frames=1, folder=tmp_path / "run")
+    assert (Lamps.built, tables, len(learner.built), len(traced)) == (1, [config.task, "F lamp1"], 1, 2)
+    before = t2tl_jax.load(tmp_path / "run" / "pretraining")
+    assert before.ended == "complete" and before.config.env.propositions == ("lamp1", "lamp2")
+    again = t2tl_jax.train(config, pretrained=before.folder, seeds=1, frames=1)
+    given = t2tl_jax.train(config, pretrained=before, seeds=1, frames=1)
+    for other in (again, given):
+        jax.tree.map(np.testing.assert_array_equal, other.params, once.params)
 
 
 # ----- what cannot be registered -----
@@ -243,9 +278,9 @@ def test_names_and_classes_belong_to_one_kind():
     class Other(EnvConfig):
         """Another kind."""
 
-    with pytest.raises(ValueError, match="cannot register the environment 'lamps' with .*Other"):
+    with pytest.raises(ValueError, match=r"cannot register the environment 'lamps' with .*Other"):
         t2tl_jax.register_env("lamps", Other, Lamps)
-    with pytest.raises(ValueError, match="cannot register the environment 'lamps2'"):
+    with pytest.raises(ValueError, match=r"cannot register the environment 'lamps2'"):
         t2tl_jax.register_env("lamps2", LampsConfig, Lamps)
     with pytest.raises(ValueError, match="needs a frozen dataclass"):
         t2tl_jax.register_task_encoder("string", str, Bag)

@@ -2,7 +2,6 @@
 
 from somebody.learner import ReinforceConfig
 from somebody.world import LampsConfig
-
 from t2tl_jax import Config, register_config
 
 LIGHTS = Config(

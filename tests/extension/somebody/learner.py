@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import optax
 from flax import linen as nn
 from flax import struct
-from somebody.encoder import BagConfig
 
+from somebody.encoder import BagConfig
 from t2tl_jax import Agent, LearnerConfig, TaskEncoderConfig, TaskEnv, register_agent
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.training.best import keep_best

@@ -4,8 +4,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from t2tl_jax import Callback, Progress
-from t2tl_jax.runs.callbacks import Row
+from t2tl_jax import Callback, Progress, Row
 
 
 class JSONLines(Callback):
