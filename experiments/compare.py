@@ -13,8 +13,8 @@ import tyro
 from experiments.cli.errors import guarded
 from experiments.cli.flags import check_picture, parse
 from experiments.cli.plugins import import_modules
-from experiments.cli.quiet import quiet_imports
 from t2tl_jax.errors import UserError
+from t2tl_jax.quiet import quiet_imports
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.cli.errors import guarded
-from experiments.cli.quiet import quiet_imports
 from t2tl_jax.errors import UserError
+from t2tl_jax.quiet import quiet_imports
 
 STARTED = time.monotonic()
 """When the program began, but for the start of the interpreter."""

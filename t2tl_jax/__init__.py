@@ -7,6 +7,8 @@ neither JAX nor MuJoCo.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from t2tl_jax.quiet import quiet_imports
+
 if TYPE_CHECKING:
     from t2tl_jax.agents.dqn import DQNConfig, make_dqn
     from t2tl_jax.agents.ppo import PPOConfig, make_ppo
@@ -20,8 +22,9 @@ if TYPE_CHECKING:
     from t2tl_jax.networks.task_encoders import OneHotConfig
     from t2tl_jax.networks.transformer import TransformerConfig
     from t2tl_jax.registry import make_env, register_agent, register_config, register_env, register_task_encoder
-    from t2tl_jax.runs.callbacks import Callback, Progress
+    from t2tl_jax.runs.callbacks import Callback, Progress, Row
     from t2tl_jax.runs.config import Config
+    from t2tl_jax.runs.interrupts import Interrupted
     from t2tl_jax.runs.policy import Policy
     from t2tl_jax.runs.result import Result
     from t2tl_jax.runs.train import evaluate, load, resume, train
@@ -37,6 +40,7 @@ _HOME = {
     "DQNConfig": "agents.dqn",
     "EnvConfig": "env",
     "Formula": "ltl",
+    "Interrupted": "runs.interrupts",
     "LabelledEnv": "env",
     "LearnerConfig": "training.types",
     "NetworkConfig": "networks.actor_critic",
@@ -46,6 +50,7 @@ _HOME = {
     "Progress": "runs.callbacks",
     "QNetworkConfig": "networks.q_network",
     "Result": "runs.result",
+    "Row": "runs.callbacks",
     "TaskEncoderConfig": "networks.task_encoder",
     "TaskEnv": "task_env",
     "TaskInObservation": "wrappers",
@@ -78,7 +83,8 @@ def __getattr__(name: str) -> Any:
     """Import a name of the face when it is first used."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    with quiet_imports():
+        value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
     globals()[name] = value
     return value
 

@@ -12,6 +12,7 @@ from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar
 
 from t2tl_jax.errors import UserError, unknown
+from t2tl_jax.quiet import quiet_imports
 
 T = TypeVar("T")
 
@@ -213,6 +214,7 @@ def load_plugins() -> None:
             continue
         _loaded.add(plugin.value)
         try:
-            plugin.load()
+            with quiet_imports():
+                plugin.load()
         except ImportError as error:
             warnings.warn(f"the plugin {plugin.name} = {plugin.value} cannot be imported: {error}", stacklevel=2)

@@ -12,9 +12,9 @@ from typing import Any, Literal
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import parse
-from experiments.cli.quiet import quiet_imports
 from t2tl_jax import checks
 from t2tl_jax.errors import explained
+from t2tl_jax.quiet import quiet_imports
 
 Head = Literal["film", "bilinear"]
 HEADS: tuple[Head, ...] = ("film", "bilinear")

@@ -18,10 +18,10 @@ from typing import Any, Literal
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import parse
-from experiments.cli.quiet import quiet_imports
 from t2tl_jax import checks
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import resolve_task
+from t2tl_jax.quiet import quiet_imports
 
 Physics = Literal["mjx", "closed_form", "straight_flight"]
 

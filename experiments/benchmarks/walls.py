@@ -17,9 +17,9 @@ import numpy as np
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import parse
-from experiments.cli.quiet import quiet_imports
 from t2tl_jax import checks
 from t2tl_jax.errors import UserError, explained
+from t2tl_jax.quiet import quiet_imports
 
 QUANTITIES = ("position_mm", "velocity_m_s", "turning_rad_s")
 """What is compared: two distances in the plane, and the turning rate."""

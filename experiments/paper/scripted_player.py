@@ -14,9 +14,9 @@ import jax.numpy as jnp
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import parse
-from experiments.cli.quiet import quiet_imports
 from t2tl_jax import checks
 from t2tl_jax.errors import explained
+from t2tl_jax.quiet import quiet_imports
 
 with quiet_imports():
     from envs.waterworld import EPISODE_LENGTH, NUM_ACTIONS, WaterWorld, WaterWorldConfig

@@ -14,10 +14,10 @@ import tyro
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import parse
-from experiments.cli.quiet import quiet_imports
 from experiments.paper import published_water
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.scores import best_scores, normalised_scores, return_by_episode
+from t2tl_jax.quiet import quiet_imports
 
 
 @dataclass(frozen=True)

@@ -80,12 +80,15 @@ def matching(config: Config, env: LabelledEnv) -> Config:
     )
 
 
-def check(experiment: Experiment, first: "Result | None") -> None:
+def check(experiment: Experiment, first: "Result | None") -> Experiment:
     """Refuse a pre-training that cannot be that of a run, before anything is traced or written.
 
     Args:
         experiment: of the run that starts with its encoder.
         first: the pre-training, where its result was given.
+
+    Returns:
+        The pre-training's own environment, table and learner.
 
     Raises:
         UserError: if it is no run, has no checkpoint, or its encoder does not fit.
@@ -93,20 +96,23 @@ def check(experiment: Experiment, first: "Result | None") -> None:
     config = experiment.config
     if first is not None:
         _check_fits(first.experiment, experiment, "the given pre-training")
-    elif not is_auto(config):
+        return first.experiment
+    if not is_auto(config):
         folder, stored = run_folder.open_existing(Path(config.pretrained))
-        _check_fits(build(stored), experiment, str(folder.path))
+        before = build(stored)
+        _check_fits(before, experiment, str(folder.path))
         with Checkpoints(folder.checkpoints) as checkpoints:
             if checkpoints.latest_iteration() is None:
                 raise UserError(
                     f"{folder.checkpoints} holds no complete checkpoint, so there is no encoder to start with; finish "
                     f"that run with --resume {folder.path}, or give --pretrained auto to pre-train now"
                 )
-    else:
-        before = build(matching(config, experiment.env))
-        _check_padding(before, experiment, f"the pre-training on {before.config.task}")
-        if before.pools is not None:
-            before.pools(0)
+        return before
+    before = build(matching(config, experiment.env))
+    _check_padding(before, experiment, f"the pre-training on {before.config.task}")
+    if before.pools is not None:
+        before.pools(0)
+    return before
 
 
 def encoder(experiment: Experiment, first: "Result") -> Params:

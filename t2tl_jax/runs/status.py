@@ -28,6 +28,7 @@ class StatusFile(Callback):
         frames, trained = progress.frames_per_iteration, progress.done - progress.started_from
         status: dict[str, Any] = {
             "state": state,
+            "ended": progress.stop,
             "iteration": progress.done,
             "iterations": progress.iterations,
             "frames_per_seed": progress.done * frames,

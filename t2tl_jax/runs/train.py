@@ -1,13 +1,14 @@
 """Train, resume and load: the runs of this library from Python. Nothing here prints; callbacks see what happens."""
 
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from t2tl_jax.env import EnvConfig, LabelledEnv
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.evaluation.report import Report
+from t2tl_jax.names import nearest
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import machine_files, pretraining
@@ -63,24 +64,14 @@ def train(
         Interrupted: if `stop` asked for it before the first iteration was complete.
     """
     with explained():
-        chosen, env = _configuration(config, task, learner, seeds, changes)
-        stop = stop or NeverStop()
         first = pretrained if isinstance(pretrained, Result) else None
         if pretrained is not None:
-            source = pretrained if first is None else (first.folder or "given")
-            chosen = replace(chosen, pretrained=str(source))
+            changes["pretrained"] = str(pretrained if first is None else (first.folder or "given"))
+        chosen, env = _configuration(config, task, learner, seeds, changes)
         chosen = pretraining.located(chosen)
-        experiment = stop.call(lambda: _checked(chosen, env, first), "while preparing")
-        run = None
-        if folder is not None:
-            run = run_folder.create(Path(folder), chosen, describe(command and list(command)))
-            experiment = replace(experiment, config=machine_files.with_copy(chosen, run.path))
-
-        def pretrain() -> Result:
-            inner = None if run is None else run.path / pretraining.FOLDER
-            return first or _pretrain(chosen, experiment.env, inner, pretraining_callbacks, stop, command)
-
-        return Training(experiment, stop, callbacks, run, pretrain if chosen.pretrained else None).run()
+        session = _Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
+        experiment, before = session.stop.call(lambda: _checked(chosen, env, first), "while preparing")
+        return _started(experiment, None if folder is None else Path(folder), session, first or before)
 
 
 def resume(
@@ -105,22 +96,15 @@ def resume(
         UserError: if the folder or the changes cannot be used.
         Interrupted: as for `train`.
     """
-    stop = stop or NeverStop()
+    session = _Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
     with explained():
         run, stored = run_folder.open_existing(Path(folder))
         config = _changed(stored, changes)
         refuse_other_changes(stored, config)
         with Checkpoints(run.checkpoints) as checkpoints:
             begun = checkpoints.latest_iteration() is not None
-        experiment = stop.call(lambda: _checked(config, env, None, begun), "while preparing")
-        with run_folder.locked(run):
-            _log_session(run, config, command)
-
-        def pretrain() -> Result:
-            inner = run.path / pretraining.FOLDER
-            return _pretrain(config, experiment.env, inner, pretraining_callbacks, stop, command)
-
-        return Training(experiment, stop, callbacks, run, pretrain if config.pretrained else None).run()
+        experiment, before = session.stop.call(lambda: _checked(config, env, None, begun), "while preparing")
+        return _continued(experiment, run, session, before)
 
 
 def load(
@@ -144,25 +128,7 @@ def load(
     with explained():
         run, stored = run_folder.open_existing(Path(folder))
         experiment = build(_changed(stored, changes), env)
-        try:
-            shapes = experiment.params_shapes
-        except (ValueError, TypeError) as error:
-            raise UserError(
-                f"the network of {run.path} cannot read {experiment.config.task}: {error}\n"
-                "A trained network keeps the kind and the sizes that it was made with: choose a task within them, or "
-                "train another run for this one."
-            ) from error
-        try:
-            with Checkpoints(run.checkpoints) as checkpoints:
-                iteration, params = checkpoints.restore_params(checkpoint, shapes)
-        except CheckpointError as error:
-            raise UserError(str(error)) from error
-        try:
-            metrics = history(run.metrics)
-        except MetricsFileError:  # the parameters can be used without
-            metrics = {}
-        ended = run_folder.read_json(run.status).get("state", "unknown")
-        return Result(experiment, params, metrics, iteration, ended, run.path)
+        return _loaded(experiment, run, checkpoint)
 
 
 def _configuration(
@@ -173,7 +139,6 @@ def _configuration(
     changes: dict[str, Any],
 ) -> tuple[Config, LabelledEnv | None]:
     """The configuration that the arguments of `train` mean, and the environment if it was given as an object."""
-    _check_names(changes)
     if task is not None:
         changes["task"] = task
     if learner is not None:
@@ -181,9 +146,9 @@ def _configuration(
     if seeds is not None:
         changes["seeds"] = str(seeds) if isinstance(seeds, int) else ",".join(map(str, seeds)) + ","
     if isinstance(config, str):
-        return replace(named_config(config), **changes), None
+        return _changed(named_config(config), changes), None
     if isinstance(config, Config):
-        return replace(config, **changes), None
+        return _changed(config, changes), None
     if not isinstance(config, LabelledEnv):
         raise UserError(
             f"train takes the name of a configuration, a Config or a LabelledEnv, got a {type(config).__name__}"
@@ -192,19 +157,25 @@ def _configuration(
         raise UserError(
             "an environment needs a task and a learner: train(env, 'F goal', PPOConfig(...), frames=1_000_000)"
         )
+    _check_fields(changes)
     own: EnvConfig = GivenEnv(name=type(config).__name__)
     return Config(env=own, **changes), config
 
 
-def _check_names(changes: dict[str, Any]) -> None:
-    unknown = set(changes) - {field.name for field in fields(Config)}
-    if unknown:
-        raise UserError(f"a configuration has no field {', '.join(sorted(unknown))}")
+def _changed(config: Config, changes: dict[str, Any]) -> Config:
+    """The configuration with other fields; UserError for a field that it does not have."""
+    _check_fields(changes)
+    return replace(config, **changes)
 
 
-def _changed(stored: Config, changes: dict[str, Any]) -> Config:
-    _check_names(changes)
-    return replace(stored, **changes)
+def _check_fields(changes: dict[str, Any]) -> None:
+    known = [field.name for field in fields(Config)]
+    wrong = [f"{name!r}; did you mean {nearest(name, known)!r}?" for name in changes if name not in known]
+    if wrong:
+        raise UserError(f"a configuration has no field {', '.join(wrong)}")
+    learner = changes.get("learner")
+    if learner is not None and not isinstance(learner, LearnerConfig):
+        raise UserError(f"learner is the configuration of one, such as PPOConfig(...), got {learner!r}")
 
 
 def refuse_other_changes(stored: Config, config: Config) -> None:
@@ -225,7 +196,9 @@ def refuse_other_changes(stored: Config, config: Config) -> None:
         )
 
 
-def _checked(config: Config, env: LabelledEnv | None, first: Result | None, begun: bool = False) -> Experiment:
+def _checked(
+    config: Config, env: LabelledEnv | None, first: Result | None, begun: bool = False
+) -> tuple[Experiment, Experiment | None]:
     """Environment, table, learner and its traced program; everything that can be checked is checked here.
 
     Args:
@@ -233,57 +206,125 @@ def _checked(config: Config, env: LabelledEnv | None, first: Result | None, begu
         env: the environment, where it was given.
         first: the pre-training, where it was given.
         begun: whether there is a checkpoint to go on from, which needs its pre-training no more.
+
+    Returns:
+        What `config` stands for, and the same of its pre-training, if it is to begin with one.
     """
-    if isinstance(config.env, GivenEnv) and env is None:
-        raise UserError(
-            f"the environment of this run, {config.env.name}, was given as an object: give it again, as env=..."
-        )
-    experiment = build(config, env)
+    experiment, before = build(config, env), None
     if not begun:
         if config.pretrained:
-            pretraining.check(experiment, first)
+            before = pretraining.check(experiment, first)
+            if pretraining.is_auto(config):
+                before.compilation(fresh=True)  # goes on beside the tracing below
         if experiment.pools is not None:
             experiment.pools(0)  # too small caps end a run here or never
     try:
         _ = experiment.program
     except TypeError as error:
         raise UserError(str(error)) from error
-    return experiment
+    if not begun:
+        experiment.compilation(fresh=True)
+    return experiment, before
 
 
-def _log_session(run: RunFolder, config: Config, command: Sequence[str] | None) -> None:
-    versions = run_folder.read_json(run.versions)
-    versions.setdefault("resumed", []).append(describe(command and list(command)))
-    run_folder.write_json(run.versions, versions)
-    run_folder.write_config(run, config)
+@dataclass(frozen=True)
+class _Session:
+    """Who watches a training, and who may stop it."""
+
+    callbacks: Sequence[Callback]
+    pretraining_callbacks: Sequence[Callback]
+    stop: Stoppable
+    command: Sequence[str] | None
+
+    @property
+    def versions(self) -> dict[str, Any]:
+        """For the record of the run."""
+        return describe(self.command and list(self.command))
+
+    @property
+    def of_pretraining(self) -> "_Session":
+        """The same for the pre-training."""
+        return replace(self, callbacks=self.pretraining_callbacks, pretraining_callbacks=())
+
+
+Before: TypeAlias = Experiment | Result | None
+"""A pre-training that is to come, one that is there, or none."""
+
+
+def _started(experiment: Experiment, folder: Path | None, session: _Session, before: Before) -> Result:
+    """A training from its start."""
+    run = None
+    if folder is not None:
+        config = experiment.config
+        run = run_folder.create(folder, config, session.versions)
+        experiment = experiment.with_config(machine_files.with_copy(config, run.path))
+    return Training(experiment, session.stop, session.callbacks, run, _pretrain(experiment, run, session, before)).run()
+
+
+def _continued(experiment: Experiment, run: RunFolder, session: _Session, before: Before) -> Result:
+    """A training from its last checkpoint, or from its start if it has none."""
+    with run_folder.locked(run):
+        versions = run_folder.read_json(run.versions)
+        versions.setdefault("resumed", []).append(session.versions)
+        run_folder.write_json(run.versions, versions)
+        run_folder.write_config(run, experiment.config)
+    return Training(experiment, session.stop, session.callbacks, run, _pretrain(experiment, run, session, before)).run()
+
+
+def _loaded(experiment: Experiment, run: RunFolder, checkpoint: Literal["best", "latest"] = "best") -> Result:
+    """What a run on disk has come to."""
+    try:
+        shapes = experiment.params_shapes
+    except (ValueError, TypeError) as error:
+        raise UserError(
+            f"the network of {run.path} cannot read {experiment.config.task}: {error}\n"
+            "A trained network keeps the kind and the sizes that it was made with: choose a task within them, or "
+            "train another run for this one."
+        ) from error
+    try:
+        with Checkpoints(run.checkpoints) as checkpoints:
+            iteration, params = checkpoints.restore_params(checkpoint, shapes)
+    except CheckpointError as error:
+        raise UserError(str(error)) from error
+    try:
+        metrics = history(run.metrics)
+    except MetricsFileError:  # the parameters can be used without
+        metrics = {}
+    status = run_folder.read_json(run.status)
+    ended = status.get("ended") or status.get("state", "unknown")
+    return Result(experiment, params, metrics, iteration, ended, run.path)
 
 
 def _pretrain(
-    config: Config,
-    env: LabelledEnv,
-    folder: Path | None,
-    callbacks: Sequence[Callback],
-    stop: Stoppable,
-    command: Sequence[str] | None,
-) -> Result:
-    """The earlier training that a configuration names or asks for; begun, taken up again, or only loaded.
+    experiment: Experiment, run: RunFolder | None, session: _Session, before: Before
+) -> Callable[[], Result] | None:
+    """What gives the pre-training of a run; None where there is none."""
+    if before is None or isinstance(before, Result):
+        return None if before is None else lambda: before
+    if not pretraining.is_auto(experiment.config):
+        return lambda: _loaded(before, RunFolder(Path(experiment.config.pretrained)))
+    folder = None if run is None else run.path / pretraining.FOLDER
+    return lambda: _pretrained(before, folder, session.of_pretraining)
+
+
+def _pretrained(before: Experiment, folder: Path | None, session: _Session) -> Result:
+    """The pre-training that a configuration asks for: begun, taken up again, or only loaded.
 
     Raises:
         Interrupted: if it did not come to its end. It goes on where it stopped when the run is resumed.
     """
-    if not pretraining.is_auto(config):
-        return load(config.pretrained)
-    wanted = pretraining.matching(config, env)
+    wanted = before.config
     try:
         if folder is None or not (folder / "config.json").is_file():
-            result = train(wanted, folder=folder, callbacks=callbacks, stop=stop, command=command)
+            _ = before.program  # says what is wrong before a folder is made
+            result = _started(before, folder, session, None)
         else:
             run, stored = run_folder.open_existing(folder)
             if not pretraining.same_run(stored, wanted):
                 raise UserError(f"{folder} holds a run of another configuration; move it away")
             if run_folder.read_json(run.status).get("state") == "finished":
-                return load(folder)
-            result = resume(folder, callbacks=callbacks, stop=stop, command=command)
+                return _loaded(before, run)
+            result = _continued(before.with_config(replace(stored, run=wanted.run)), run, session, None)
     except Interrupted as when:
         raise Interrupted(f"during pre-training, {when}") from None
     if result.ended == "interrupted":

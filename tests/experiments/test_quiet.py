@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from experiments.cli.quiet import NOISE, quiet_imports
+from t2tl_jax.quiet import NOISE, quiet_imports
 
 TOOLS = ("pretrain", "attention", "benchmarks.env", "benchmarks.ltl", "paper.water_scores")
 

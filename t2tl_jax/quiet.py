@@ -1,4 +1,4 @@
-"""Keep a command's output to itself: MuJoCo prints two lines while it is imported without its optional `warp`."""
+"""Keep the output to what was asked for: MuJoCo prints two lines when it is imported without its optional `warp`."""
 
 import contextlib
 import io

@@ -1,0 +1,359 @@
+"""`train`, `resume` and `load` from Python: what they return, what they print (nothing), and what they refuse."""
+
+import csv
+import dataclasses
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import t2tl_jax
+from t2tl_jax import (
+    Callback,
+    Config,
+    ContextConfig,
+    NetworkConfig,
+    OneHotConfig,
+    PPOConfig,
+    TransformerConfig,
+    UserError,
+)
+from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
+from tests.probe import ProbeEnv
+
+TASK = "F(Up & F Down)"
+TINY = TransformerConfig(layers=1, width=8, heads=1, feed_forward=8, output=4)
+NETWORK = NetworkConfig(task_encoder=OneHotConfig(2), env_layers=(8,), actor_layers=(8,), critic_layers=(8,))
+PPO = PPOConfig(network=NETWORK, num_envs=8, unroll_length=16, epochs=1, minibatch_size=64, discount=0.9)
+FRAMES = PPO.frames_per_iteration
+
+
+class Diary(Callback):
+    """Writes down what is called, with what."""
+
+    def __init__(self, stop_at: int = 0) -> None:
+        self.entries: list[tuple] = []
+        self._stop_at = stop_at
+
+    def on_plan(self, progress):
+        self.entries.append(("plan", progress.iterations, progress.frames_per_iteration, progress.seeds))
+
+    def on_start(self, progress):
+        assert progress.compile_seconds > 0
+        self.entries.append(("start", progress.done))
+
+    def on_iteration(self, progress, rows):
+        assert [row["seed"] for row in rows] == list(progress.seeds)
+        assert {row["iteration"] for row in rows} == {progress.done}
+        assert {row["frames"] for row in rows} == {progress.done * progress.frames_per_iteration}
+        self.entries.append(("iteration", progress.done))
+        if progress.done == self._stop_at:
+            progress.stop = "enough"
+
+    def on_checkpoint(self, progress):
+        self.entries.append(("checkpoint", progress.done))
+
+    def on_end(self, progress):
+        self.entries.append(("end", progress.done, progress.stop))
+
+
+def run_it(**changes):
+    """A short training of two seeds on an environment object."""
+    return t2tl_jax.train(
+        ProbeEnv(), TASK, PPO, **{"seeds": (3, 8), "frames": 3 * FRAMES, "episode_length": 8, **changes}
+    )
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """That training, kept in a folder, with the diary of it."""
+    diary = Diary()
+    return run_it(folder=tmp_path_factory.mktemp("run"), callbacks=[diary]), diary
+
+
+# ----- what comes back -----
+
+
+def test_metrics_are_arrays_by_name(run):
+    result, _ = run
+    assert set(FIXED_COLUMNS) - {"iteration", "seed"} <= result.metrics.keys()
+    assert {"policy_loss", "value_loss", "entropy"} <= result.metrics.keys()
+    for values in result.metrics.values():
+        assert values.shape == (2, 3) and values.dtype == np.float64
+    np.testing.assert_array_equal(result.metrics["frames"], [[FRAMES, 2 * FRAMES, 3 * FRAMES]] * 2)
+    assert result.seeds == (3, 8) and result.iteration == 3 and result.ended == "complete"
+    assert result.solved == {3: None, 8: None}
+    assert all(leaf.shape[0] == 2 for leaf in jax.tree.leaves(result.params))
+
+
+def test_a_policy_is_the_agents_own(run):
+    result, _ = run
+    agent, table = result.experiment.agent, result.experiment.table
+    for index, seed in enumerate(result.seeds):
+        params = jax.tree.map(lambda leaf, index=index: leaf[index], result.params)
+        obs, rows, key = jnp.ones((4, 3)), jnp.array([2, 3, 2, 3]), jax.random.key(5)
+        policy, embedding = result.policy(seed), agent.embed(params, table)
+        for chosen, deterministic in ((policy(obs, rows), True), (policy(obs, rows, key=key), False)):
+            expected = agent.act(params, embedding, (), obs, rows, key, deterministic)
+            np.testing.assert_allclose(chosen, expected, atol=1e-6)
+
+
+def test_policies_go_through_jit_and_vmap(run):
+    policy = run[0].policy(8)
+    obs, rows = jnp.linspace(-1, 1, 12).reshape(4, 3), jnp.array([2, 3, 3, 2])
+    together = policy(obs, rows)
+    jitted = jax.jit(lambda policy, obs, rows: policy(obs, rows))(policy, obs, rows)
+    mapped = jax.vmap(policy)(obs, rows)
+    for action in (jitted, mapped):
+        np.testing.assert_allclose(action, together, atol=1e-6)
+    assert together.shape == (4, 1) and policy(obs[0], 2).shape == (1,)
+
+
+def test_a_policy_takes_a_formula(run):
+    policy = run[0].policy()
+    np.testing.assert_array_equal(policy(jnp.ones(3), TASK), policy(jnp.ones(3), policy.row(TASK)))
+    assert policy.row("F Down") == policy.row("F(Down)") != policy.row(TASK)
+    with pytest.raises(UserError, match=r"no row of this policy's table; its rows: .*F Down.*run.policy\(seed, task="):
+        policy(jnp.ones(3), "F Up")
+    assert run[0].policy(3, task="F Up").row("F Up") == 2
+    with pytest.raises(UserError, match="no seed 4; its seeds: 3, 8"):
+        run[0].policy(4)
+
+
+def test_a_task_that_the_network_cannot_read_is_refused(run):
+    with pytest.raises(UserError, match=r"(?s)cannot read .*choose a task within them"):
+        run[0].policy(task="F(Up & F(Down & F Up))")
+    with pytest.raises(UserError, match="Sideways"):
+        run[0].evaluate(task="F Sideways")
+
+
+@pytest.mark.slow
+def test_evaluation_of_result_and_folder_agree(run):
+    result, _ = run
+    for task in (None, "F Down"):
+        reports = result.evaluate(task=task, episodes=6)
+        again = t2tl_jax.evaluate(t2tl_jax.load(result.folder, env=ProbeEnv()), task=task, episodes=6)
+        assert reports == again and set(reports) == {"deterministic", "sampled"}
+        assert [one.seed for one in reports["sampled"].seeds] == [3, 8]
+        assert reports["sampled"].seeds[0].success_rate.count == 6
+
+
+def test_without_a_folder_nothing_is_written_or_printed(run, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    result = run_it()
+    assert capsys.readouterr() == ("", "")
+    assert not list(tmp_path.iterdir()) and result.folder is None
+    jax.tree.map(np.testing.assert_array_equal, result.params, run[0].params)
+
+
+def test_a_configuration_does_not_hold_an_environment_object(run):
+    config = dataclasses.replace(run[0].config, frames=FRAMES)
+    with pytest.raises(UserError, match="ProbeEnv, was given as an object: give it again"):
+        t2tl_jax.train(config)
+
+
+# ----- a run on disk -----
+
+
+def test_load_gives_the_same_result(run):
+    result, _ = run
+    loaded = t2tl_jax.load(result.folder, env=ProbeEnv())
+    assert loaded.config == result.config and loaded.seeds == result.seeds
+    assert (loaded.iteration, loaded.ended) == (result.iteration, result.ended) and loaded.solved == result.solved
+    jax.tree.map(np.testing.assert_array_equal, loaded.params, result.params)
+    assert loaded.metrics.keys() == result.metrics.keys()
+    for name, values in result.metrics.items():  # the file keeps nine digits
+        np.testing.assert_allclose(loaded.metrics[name], values, rtol=1e-8, err_msg=name)
+    np.testing.assert_array_equal(loaded.policy(8)(jnp.ones(3), 2), result.policy(8)(jnp.ones(3), 2))
+
+
+def test_a_given_environment_is_to_be_given_again(run):
+    for again in (t2tl_jax.load, t2tl_jax.resume, t2tl_jax.evaluate):
+        with pytest.raises(UserError, match=r"environment of this run, ProbeEnv, was given as an object.*env=\.\.\."):
+            again(run[0].folder)
+
+
+def test_resume_of_a_complete_run_trains_no_more(run):
+    diary = Diary()
+    again = t2tl_jax.resume(run[0].folder, env=ProbeEnv(), callbacks=[diary])
+    assert [entry[0] for entry in diary.entries] == ["plan", "end"] and again.iteration == 3
+    with pytest.raises(UserError, match=r"a resumed run keeps its configuration.*not task"):
+        t2tl_jax.resume(run[0].folder, env=ProbeEnv(), task="F Up")
+
+
+@pytest.mark.slow
+def test_resumed_equals_uninterrupted(run, tmp_path):
+    stopped = run_it(folder=tmp_path / "run", callbacks=[Diary(stop_at=1)])
+    assert (stopped.iteration, stopped.ended) == (1, "enough")
+    assert t2tl_jax.load(tmp_path / "run", env=ProbeEnv()).ended == "enough"
+    diary = Diary()
+    resumed = t2tl_jax.resume(tmp_path / "run", env=ProbeEnv(), callbacks=[diary])
+    assert diary.entries[1:3] == [("start", 1), ("iteration", 2)]
+    jax.tree.map(np.testing.assert_array_equal, resumed.params, run[0].params)
+    assert (tmp_path / "run" / "metrics.csv").read_bytes() == (run[0].folder / "metrics.csv").read_bytes()
+    for name, values in run[0].metrics.items():
+        np.testing.assert_allclose(resumed.metrics[name], values, rtol=1e-8, err_msg=name)
+
+
+def test_metrics_files_go_by_names(run, tmp_path):
+    """A further column, other places, and a column that an old version did not write."""
+    with open(run[0].folder / "metrics.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    header = ["extra", *reversed([name for name in rows[0] if name != "entropy"])]
+    with open(tmp_path / "metrics.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, header, extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({**row, "extra": 7} for row in rows)
+    before, after = history(run[0].folder / "metrics.csv"), history(tmp_path / "metrics.csv")
+    assert after.keys() == (before.keys() - {"entropy"}) | {"extra"} and (after["extra"] == 7).all()
+    for name in before.keys() & after.keys():
+        np.testing.assert_array_equal(after[name], before[name], err_msg=name)
+
+
+# ----- callbacks -----
+
+
+def test_callbacks_see_everything_in_order(run):
+    assert run[1].entries == [
+        ("plan", 3, FRAMES, (3, 8)),
+        ("start", 0),
+        *(("iteration", number) for number in (1, 2, 3)),
+        ("checkpoint", 3),
+        ("end", 3, "complete"),
+    ]
+
+
+def test_a_callback_ends_the_training_and_all_of_them_hear_of_it():
+    first, second = Diary(stop_at=2), Diary()
+    result = run_it(callbacks=[first, second])
+    assert (result.iteration, result.ended) == (2, "enough") and result.metrics["frames"].shape == (2, 2)
+    assert first.entries == second.entries and second.entries[-1] == ("end", 2, "enough")
+
+
+def test_what_a_callback_raises_ends_the_training():
+    class Broken(Callback):
+        def on_iteration(self, progress, rows):
+            raise RuntimeError("the disk of my logger is full")
+
+    diary = Diary()
+    with pytest.raises(RuntimeError, match="disk of my logger"):
+        run_it(callbacks=[diary, Broken()])
+    assert diary.entries[-1] == ("end", 1, "failed")
+
+
+def test_a_callback_may_end_it_before_it_begins():
+    class Never(Callback):
+        def on_plan(self, progress):
+            progress.stop = "only asked for the plan"
+
+    diary = Diary()
+    with pytest.raises(t2tl_jax.Interrupted, match="only asked for the plan"):
+        run_it(callbacks=[Never(), diary])
+    assert [entry[0] for entry in diary.entries] == ["plan", "end"]
+
+
+# ----- ends -----
+
+
+@pytest.mark.slow
+def test_until_solved_ends_a_solved_training(tmp_path):
+    """The task comes true by chance: the policy begins with a wide spread, and an episode has 40 steps."""
+    easy = {"seeds": 2, "frames": 40 * FRAMES, "episode_length": 40, "until_solved": True}
+    solved = t2tl_jax.train(ProbeEnv(), "F(Up | Down)", PPO, folder=tmp_path / "run", **easy)
+    assert solved.ended == "solved" and 5 <= solved.iteration < 40
+    assert (solved.metrics["success_rate"][:, -5:] > 0.95).all()
+    since = list(solved.solved.values())
+    assert all(since) and max(since) == (solved.iteration - 4) * FRAMES
+    assert t2tl_jax.load(tmp_path / "run", env=ProbeEnv()).solved == solved.solved
+
+
+# ----- memory -----
+
+
+@pytest.fixture(scope="module")
+def remembering():
+    """T2TL: a policy with a window of two steps."""
+    context = ContextConfig(length=2, transformer=TINY, segment_length=4)
+    learner = dataclasses.replace(PPO, network=dataclasses.replace(NETWORK, context=context))
+    return t2tl_jax.train(ProbeEnv(), TASK, learner, frames=1, episode_length=8).policy()
+
+
+@pytest.mark.slow
+def test_a_policy_with_memory_begins_and_remembers(remembering):
+    policy, obs = remembering, jnp.ones(3)
+    carry = policy.begin()
+    action = policy(obs, 2, carry=carry)
+    after = policy.remember(carry, obs, action, jnp.float32(0))
+    assert jax.tree.map(jnp.shape, after) == jax.tree.map(jnp.shape, carry)
+    assert after.valid.tolist() == [False, True]
+    assert not np.array_equal(policy(obs, 2, carry=after), action)  # what was seen counts
+    jitted = jax.jit(lambda policy, carry: policy(obs, 2, carry=carry))(policy, after)
+    np.testing.assert_allclose(jitted, policy(obs, 2, carry=after), atol=1e-6)
+    with pytest.raises(UserError, match=r"remembers its episode: pass carry=policy.begin\(\)"):
+        policy(obs, 2)
+
+
+# ----- pre-training -----
+
+
+@pytest.mark.slow
+def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from():
+    learner = dataclasses.replace(PPO, network=dataclasses.replace(NETWORK, task_encoder=TINY))
+    one = {"learner": learner, "seeds": 1, "frames": FRAMES}
+    first = t2tl_jax.train(ProbeEnv(), "F Up", **one)
+    frozen = dataclasses.replace(learner, network=dataclasses.replace(learner.network, freeze_task_encoder=True))
+    second = t2tl_jax.train(ProbeEnv(), TASK, pretrained=first, **one | {"learner": frozen})
+    reader, adopted = (result.params["params"]["task_encoder"] for result in (first, second))
+    jax.tree.map(np.testing.assert_array_equal, adopted, reader)
+    with pytest.raises(UserError, match="trained a task encoder of kind transformer, and this run has gru"):
+        other = dataclasses.replace(learner.network, task_encoder=GRUConfig())
+        t2tl_jax.train(ProbeEnv(), TASK, pretrained=first, **one | {"learner": dataclasses.replace(PPO, network=other)})
+
+
+# ----- mistakes -----
+
+
+@pytest.mark.parametrize(
+    ("arguments", "changes", "said"),
+    [
+        (("zone_pppo",), {}, "unknown config 'zone_pppo'; did you mean 'zone_ppo'"),
+        (("zone_ppo",), {"fraems": 3}, "no field 'fraems'; did you mean 'frames'"),
+        ((ProbeEnv(),), {}, "an environment needs a task and a learner"),
+        ((ProbeEnv(), TASK), {}, "an environment needs a task and a learner"),
+        ((3,), {}, "train takes the name of a configuration, a Config or a LabelledEnv, got a int"),
+        ((ProbeEnv(), "F Upp", PPO), {}, "Up"),
+        ((ProbeEnv(), "F(", PPO), {}, "F\\("),
+        ((ProbeEnv(), "true", PPO), {}, "true from the start"),
+        ((ProbeEnv(), TASK, PPO), {"frames": 0}, "frames must be at least 1"),
+        ((ProbeEnv(), TASK, PPO), {"seeds": ()}, "seeds"),
+        ((ProbeEnv(), TASK, PPO), {"seeds": (1, 1)}, "every seed may appear once"),
+        ((ProbeEnv(), TASK, PPO), {"seeds": 0}, "number of seeds"),
+        ((ProbeEnv(), TASK, "ppo"), {}, "learner"),
+        ((ProbeEnv(), TASK, PPO), {"pretrained": "nowhere"}, "a code without parameters cannot be pre-trained"),
+        ((ProbeEnv(), TASK, PPOConfig()), {"pretrained": "nowhere"}, "there is no folder"),
+    ],
+)
+def test_mistakes_are_named_before_any_work(arguments, changes, said, tmp_path):
+    with pytest.raises(UserError, match=said):
+        t2tl_jax.train(*arguments, folder=tmp_path / "run", **changes)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_that_is_in_use_is_refused(run, tmp_path):
+    with pytest.raises(UserError, match=r"is not empty \(resume continues a run\)"):
+        run_it(folder=run[0].folder)
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match=r"is not empty; a new run needs a folder of its own"):
+        run_it(folder=tmp_path)
+    with pytest.raises(UserError, match=re.escape(f"there is no folder {tmp_path / 'none'}")):
+        t2tl_jax.load(tmp_path / "none")
+    with pytest.raises(UserError, match="no field 'tsak'; did you mean 'task'"):
+        t2tl_jax.load(run[0].folder, env=ProbeEnv(), tsak="F Up")
+
+
+def test_config_is_a_value():
+    config = Config(env=t2tl_jax.EnvConfig(), task=TASK, learner=PPO)
+    assert config.iterations == -(-10_000_000 // FRAMES)
