@@ -10,7 +10,7 @@ from t2tl_jax.evaluation.curves import sparkline
 from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.callbacks import Callback, Progress, Row
 from t2tl_jax.runs.result import Result
-from t2tl_jax.runs.solved import WINDOW
+from t2tl_jax.runs.solved import window
 from t2tl_jax.training.seeds import seed_sharding
 
 
@@ -49,7 +49,7 @@ class Words(Callback):
         since = np.array(progress.solved_since)
         solved = f"{(since > 0).sum()} of {since.size} seeds" if since.size > 1 else "the task"
         if not (since > 0).any():
-            return f"not solved: success did not stay above 95 % for {WINDOW} iterations in a row"
+            return f"not solved: success did not stay above 95 % for {window(progress.config)} iterations in a row"
         last = int(since.max())
         frames = f"{last * progress.frames_per_iteration:,} frames"
         if last <= progress.started_from:
@@ -89,7 +89,9 @@ def _more_plan(progress: Progress) -> list[str]:
             f"pools  {pool.size} random formulas for {pool.period} iterations, then others, the same for all seeds"
         )
     if config.until_solved:
-        lines.append(f"stop   sooner if success stays above 95 % for {WINDOW} iterations in a row, in every seed")
+        lines.append(
+            f"stop   sooner if success stays above 95 % for {window(config)} iterations in a row, in every seed"
+        )
     if config.convergence.window:
         end = config.convergence
         lines.append(

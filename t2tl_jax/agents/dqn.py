@@ -425,7 +425,9 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         totals = summed(totals)
 
         # Episodes of an iteration are played by parameters between those before and after it; credit the former.
-        best_params, best_score = keep_best(params_before, totals, state.best_params, state.best_score)
+        best_params, best_score = keep_best(
+            params_before, totals, config.frames_per_iteration, state.best_params, state.best_score
+        )
         return replace(
             state,
             key=key,

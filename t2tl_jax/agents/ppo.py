@@ -467,7 +467,9 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         )
 
         # The rollout scores the parameters that made it, not the ones it led to.
-        best_params, best_score = keep_best(state.params, totals, state.best_params, state.best_score)
+        best_params, best_score = keep_best(
+            state.params, totals, config.frames_per_iteration, state.best_params, state.best_score
+        )
         new_state = PPOState(
             params=params,
             opt_state=opt_state,

@@ -17,7 +17,7 @@ from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.policy import Policy, of_seed
 from t2tl_jax.runs.pools import make_table
-from t2tl_jax.runs.solved import solved_since
+from t2tl_jax.runs.solved import solved_since, window
 from t2tl_jax.training.types import Params
 
 
@@ -52,9 +52,13 @@ class Result:
     @property
     def solved(self) -> dict[int, int | None]:
         """By seed, the frames after which its success rate rose above 95 % and stayed there to the end; None if not."""
-        since = solved_since(self.metrics["success_rate"]) if "success_rate" in self.metrics else np.zeros(0, int)
+        since = (
+            solved_since(self.metrics["success_rate"], window(self.config))
+            if "success_rate" in self.metrics
+            else np.zeros(0, int)
+        )
         frames = self.experiment.agent.frames_per_iteration
-        return {seed: int(at) * frames or None for seed, at in zip(self.seeds, since, strict=False)}
+        return {seed: int(at) * frames or None for seed, at in zip(self.seeds, since, strict=True)}
 
     def index(self, seed: int | None) -> int:
         """Place of a seed on the leading axes, by default of the first one; UserError for one that is not there."""

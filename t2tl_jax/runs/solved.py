@@ -4,27 +4,37 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from t2tl_jax.evaluation.report import SOLVED
+from t2tl_jax.evaluation.statistics import SOLVED
+from t2tl_jax.runs.config import Config
 
-WINDOW = 5
-"""So many iterations in a row, each above the threshold, make it credible while training is still under way."""
+LEAST = 5
+"""So many iterations in a row, at least, make it credible while training is still under way."""
 
 
-def solved_since(success_rate: np.ndarray) -> np.ndarray:
+def window(config: Config) -> int:
+    """How many iterations in a row must lie above the threshold: enough for an episode to reach its time limit.
+
+    Otherwise robots that stand still would not show: their episodes have not ended yet.
+    """
+    return max(LEAST, -(-config.episode_length // config.learner.unroll_length))
+
+
+def solved_since(success_rate: np.ndarray, window: int) -> np.ndarray:
     """The iteration from which on each seed stayed solved until the end of its curve: int[seeds], counted from 1.
 
     An iteration in which no episode ended neither counts nor breaks the series. 0 stands for a seed that is not solved
-    at the end, or for fewer than `WINDOW` iterations.
+    at the end, or for fewer iterations than the window.
 
     Args:
         success_rate: float[seeds, iterations], NaN where no episode ended.
+        window: see there.
     """
     since = np.zeros(len(success_rate), int)
     for index, curve in enumerate(success_rate):
         known = np.flatnonzero(np.isfinite(curve))
         failing = np.flatnonzero(~(curve[known] > SOLVED))
         staying = known[failing[-1] + 1 :] if failing.size else known
-        if len(staying) >= WINDOW:
+        if len(staying) >= window:
             since[index] = staying[0] + 1
     return since
 
@@ -32,8 +42,9 @@ def solved_since(success_rate: np.ndarray) -> np.ndarray:
 class SolvedWatch:
     """The same, iteration by iteration, from the rows of the metrics."""
 
-    def __init__(self, seeds: int, success_rate: np.ndarray | None = None) -> None:
+    def __init__(self, seeds: int, window: int, success_rate: np.ndarray | None = None) -> None:
         """Begin, or take up again after the iterations whose rates are given: float[seeds, iterations] or None."""
+        self._window = window
         self._since = np.zeros(seeds, int)
         self._count = np.zeros(seeds, int)
         self._iteration = 0
@@ -48,7 +59,7 @@ class SolvedWatch:
     @property
     def since(self) -> np.ndarray:
         """As `solved_since`, of the curve so far."""
-        return np.where(self._count >= WINDOW, self._since, 0)
+        return np.where(self._count >= self._window, self._since, 0)
 
     @property
     def all(self) -> bool:

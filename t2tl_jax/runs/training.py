@@ -23,7 +23,7 @@ from t2tl_jax.runs.loggers import CSVLogger, TensorBoardLogger
 from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to, rows
 from t2tl_jax.runs.prefetch import Prefetch
 from t2tl_jax.runs.result import Result
-from t2tl_jax.runs.solved import SolvedWatch
+from t2tl_jax.runs.solved import SolvedWatch, window
 from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.training import transfer
 from t2tl_jax.training.program import place_params
@@ -112,7 +112,7 @@ class Training:
         seeds = len(experiment.seeds)
         self.past = History(earlier)
         self.convergence = Convergence(config.convergence, seeds, earlier.get("discounted_return"))
-        self.solved = SolvedWatch(seeds, earlier.get("success_rate"))
+        self.solved = SolvedWatch(seeds, window(config), earlier.get("success_rate"))
         return state
 
     def _earlier(self, done: int) -> dict[str, np.ndarray]:

@@ -81,6 +81,11 @@ class LearnerConfig(abc.ABC):
         """Environment steps in one iteration, of all environments together."""
 
     @property
+    def unroll_length(self) -> int:
+        """Steps of every environment in one iteration; by default there is one environment."""
+        return self.frames_per_iteration
+
+    @property
     def max_frames(self) -> int:
         """The most frames for which no 32-bit counter overflows; by default iterations are all that is counted."""
         return checks.COUNTER_LIMIT * self.frames_per_iteration

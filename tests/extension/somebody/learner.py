@@ -134,7 +134,7 @@ def make_reinforce(env: TaskEnv, config: ReinforceConfig, episode_length: int, i
         value, gradient = jax.value_and_grad(loss)(state.params, env_params.table, (*seen, gain))
         updates, opt_state = optimizer.update(gradient, state.opt_state)
         totals = summed(totals)
-        best = keep_best(state.params, totals, state.best_params, state.best_score)
+        best = keep_best(state.params, totals, config.frames_per_iteration, state.best_params, state.best_score)
         after = ReinforceState(optax.apply_updates(state.params, updates), opt_state, episodes, key, *best)
         return after, Metrics(totals, {"loss": value} | env_scalars(metrics))
 
