@@ -55,6 +55,7 @@ def _main(texts: list[str]) -> int:
         from t2tl_jax.runs.metrics_file import MetricsFileError, ending, history
 
     base = None
+    curves: dict[str, Mapping[str, np.ndarray]] = {}
     returns_of: dict[str, np.ndarray] = {}
     notes = []
     print(f"{'frames/s':>11}  {'solved':>7}  {'discounted return':21}  configuration")
@@ -62,9 +63,10 @@ def _main(texts: list[str]) -> int:
         folder, config = run_folder.open_existing(path)
         base = base or config
         try:
-            end = ending(history(folder.metrics), arguments.last)
+            curves[str(path)] = history(folder.metrics)
         except MetricsFileError as error:
             raise UserError(str(error)) from error
+        end = ending(curves[str(path)], arguments.last)
         session = run_folder.read_json(folder.status).get("last_session", {})
         what = " ".join(differences(base, config)) or str(path)
         print(_line(session.get("frames_per_second_all_seeds"), end, what))
@@ -82,7 +84,7 @@ def _main(texts: list[str]) -> int:
     if arguments.pairs:
         _test_pairs(returns_of)
     if arguments.figure is not None:
-        _draw(runs, arguments.figure, base)
+        _draw(curves, arguments.figure, base)
     return 0
 
 
@@ -121,14 +123,12 @@ def _test_pairs(returns_of: dict[str, np.ndarray]) -> None:
             print(f"{'-':26}  p=-       {first} - {second}: {error}")
 
 
-def _draw(runs: Sequence[Path], figure: Path, base: Any) -> None:
+def _draw(curves: Mapping[str, Mapping[str, np.ndarray]], figure: Path, base: Any) -> None:
     from experiments.paper.published_curves import ZONE_CURVES
     from t2tl_jax.evaluation.curves import plot_runs
-    from t2tl_jax.runs.folder import RunFolder
 
-    names = {str(path): RunFolder(path).metrics for path in runs}
     try:
-        plot_runs(names, figure, ZONE_CURVES if base.task == "phi_zone" else None)
+        plot_runs(curves, figure, ZONE_CURVES if base.task == "phi_zone" else None)
     except OSError as error:
         raise UserError(f"cannot write {figure}: {error.strerror or error}") from error
     print(f"drawn: {figure}")

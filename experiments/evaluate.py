@@ -88,8 +88,9 @@ def _evaluate(arguments: Arguments) -> None:
 
 
 def _changes(stored: Any, arguments: Arguments) -> dict[str, Any]:
-    """The fields of the configuration that the flags change."""
+    """What the flags change: fields of the configuration, and the environment itself."""
     from envs.zones import ZoneConfig
+    from t2tl_jax.registry import make_env
 
     changes: dict[str, Any] = {}
     if arguments.task is not None:
@@ -97,7 +98,7 @@ def _changes(stored: Any, arguments: Arguments) -> dict[str, Any]:
     if arguments.physics is not None:
         if not isinstance(stored.env, ZoneConfig):
             raise UserError("--physics chooses between those of ZoneEnv; this run's environment has no such choice")
-        changes["env"] = dataclasses.replace(stored.env, physics=arguments.physics)
+        changes["env"] = make_env(dataclasses.replace(stored.env, physics=arguments.physics))
     if arguments.episode_length is not None:
         changes["episode_length"] = arguments.episode_length
     return changes

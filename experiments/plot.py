@@ -41,14 +41,15 @@ def _main(texts: list[str]) -> int:
         from experiments.paper.published_curves import ZONE_CURVES
         from t2tl_jax.evaluation.curves import plot_learning_curves
         from t2tl_jax.runs import folder as run_folder
-        from t2tl_jax.runs.metrics_file import MetricsFileError
+        from t2tl_jax.runs.metrics_file import MetricsFileError, history
+        from t2tl_jax.training.seeds import parse_seeds
 
     folder, config = run_folder.open_existing(arguments.run)
     target = arguments.output or folder.curves
+    published = ZONE_CURVES if arguments.published else None
     try:
-        plot_learning_curves(
-            folder.metrics, target, f"{config.task} ({folder.path})", ZONE_CURVES if arguments.published else None
-        )
+        metrics, seeds = history(folder.metrics), parse_seeds(config.seeds)
+        plot_learning_curves(metrics, seeds, target, f"{config.task} ({folder.path})", published)
     except MetricsFileError as error:
         raise UserError(str(error)) from error
     except OSError as error:

@@ -62,7 +62,7 @@ def _train(config: Any, path: Path, asked: Any, stop: Any, words: list[str]) -> 
         Interrupted: saying when the user stopped it.
     """
     from experiments.cli.words import Words
-    from t2tl_jax.runs import train
+    from t2tl_jax.runs import folder, train
     from t2tl_jax.runs.interrupts import Interrupted
     from t2tl_jax.runs.progress_bar import ProgressBar
 
@@ -76,7 +76,8 @@ def _train(config: Any, path: Path, asked: Any, stop: Any, words: list[str]) -> 
         "command": words,
     }
     if asked.resume:
-        result = train.resume(path, **options, **vars(config))
+        train.refuse_other_changes(folder.open_existing(path)[1], config)
+        result = train.resume(path, **options, **{name: getattr(config, name) for name in train.CHANGEABLE})
     else:
         result = train.train(config, folder=path, **options)
     _conclude(result, stop)
@@ -91,11 +92,13 @@ def _conclude(result: Any, stop: Any) -> None:
     from t2tl_jax.evaluation.report import table
     from t2tl_jax.runs import evaluations
     from t2tl_jax.runs.folder import RunFolder
+    from t2tl_jax.runs.metrics_file import history
 
     run, config, experiment = RunFolder(result.folder), result.config, result.experiment
     with _noted("no learning curve"):
+        metrics = result.metrics or history(run.metrics)  # which says why there are none
         print(words.curves_table(result))
-        plot_learning_curves(run.metrics, run.curves, title=f"{config.task} ({run.path})")
+        plot_learning_curves(metrics, result.seeds, run.curves, title=f"{config.task} ({run.path})")
     finished, episodes = result.ended != "interrupted", config.run.evaluation_episodes
 
     def evaluate() -> None:
@@ -130,9 +133,11 @@ def _conclude(result: Any, stop: Any) -> None:
 @contextmanager
 def _noted(what: str) -> Iterator[None]:
     """Say what went wrong with a result, and go on: the training is on disk, and a picture less is no lost run."""
+    from t2tl_jax.runs.metrics_file import MetricsFileError
+
     try:
         yield
-    except (UserError, OSError) as error:
+    except (UserError, MetricsFileError, OSError) as error:
         print(f"note: {what}: {error}", flush=True)
 
 

@@ -65,13 +65,30 @@ def parse(
             if flag:
                 _value(flag, fields[flag], words)
         with contextlib.redirect_stderr(io.StringIO()) as complaint:
-            return tyro.cli(kind, prog=prog, description=description, args=texts, config=OPTIONS)
+            filled: Any = tyro.cli(_unchecked(kind), prog=prog, description=description, args=texts, config=OPTIONS)
+        return kind(**{field.name: getattr(filled, field.name) for field in dataclasses.fields(filled)})
     except UserError:
         raise
     except ValueError as error:  # from the checks of the dataclasses
         raise UserError(str(error)) from error
     except SystemExit:
         raise UserError(complaint.getvalue().strip()) from None
+
+
+def _unchecked(kind: type) -> type:
+    """A dataclass with the same fields and without the checks of its own, whose messages tyro would put into a box."""
+    hints = typing.get_type_hints(kind, include_extras=True)
+    return dataclasses.make_dataclass(
+        kind.__name__,
+        [
+            (
+                field.name,
+                hints[field.name],
+                dataclasses.field(default=field.default, default_factory=field.default_factory),
+            )
+            for field in dataclasses.fields(kind)
+        ],
+    )
 
 
 def check_picture(flag: str, file: Path | None) -> None:

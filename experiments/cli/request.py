@@ -1,6 +1,7 @@
 """Flags to configuration: named configurations, methods, and overrides of any field."""
 
 import argparse
+import copy
 import dataclasses
 import typing
 from collections.abc import Sequence
@@ -130,16 +131,17 @@ def list_configs(prefix: str = "") -> str:
 
 def override(config: Config, arguments: Sequence[str], prog: str = "python -m experiments.run") -> Config:
     """The configuration with the fields that the flags name replaced; otherwise as ``flags.parse``."""
+    config, rest = with_parts(config, list(arguments))
+    config = parse(Config, rest, prog, DESCRIPTION, default=config, others=CHOOSING)
     with explained():  # what the checks of the dataclasses say
-        config, rest = with_parts(config, list(arguments))
-    return parse(Config, rest, prog, DESCRIPTION, default=config, others=CHOOSING)
+        return _checked(config)
 
 
 def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[Any, list[str]]:
     """The dataclass with other kinds of parts where a flag names one, and without those that a flag sets to None.
 
     tyro offers the fields of the part that is there, or None where there is none, but no way from one to the other.
-    Also returns the other arguments.
+    Also returns the other arguments. Nothing is checked: a part may fit only together with what other flags change.
     """
     changes: dict[str, Any] = {}
     hints = typing.get_type_hints(type(config))
@@ -153,10 +155,17 @@ def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[A
         elif word == "None" and type(None) in get_args(hints[field.name]):
             changes[field.name], arguments = None, _without(arguments, place)
             continue
-        value, arguments = with_parts(value, arguments, flag + ".")
-        if value is not getattr(config, field.name):
-            changes[field.name] = value
-    return (dataclasses.replace(config, **changes) if changes else config), arguments
+        changes[field.name], arguments = with_parts(value, arguments, flag + ".")
+    changed = copy.copy(config)
+    for name, value in changes.items():
+        object.__setattr__(changed, name, value)
+    return changed, arguments
+
+
+def _checked(config: Any) -> Any:
+    """The same dataclass, made anew with all of its parts, so that its checks see it as it is now."""
+    values = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
+    return type(config)(**{name: _checked(x) if dataclasses.is_dataclass(x) else x for name, x in values.items()})
 
 
 def _find(arguments: Sequence[str], flag: str) -> tuple[slice, str | None]:

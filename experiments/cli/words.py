@@ -26,6 +26,8 @@ class Words(Callback):
         """What will be trained, on what, for how long."""
         if progress.done:
             print(f"resuming after iteration {progress.done:,}")
+        if progress.done >= progress.iterations:
+            print(f"all {progress.iterations:,} iterations are done; --frames with a larger number goes on")
         print(_plan(progress, self._what), flush=True)
 
     def on_start(self, progress: Progress) -> None:
@@ -112,7 +114,7 @@ def curves_table(result: Result) -> str:
 
 
 def ending(result: Result) -> str:
-    """Why a training ended before its last iteration, or had nothing left to do; '' for one that simply ended."""
+    """Why a training ended before its last iteration; '' for one that did not."""
     at = f"after iteration {result.iteration:,} of at most {result.config.iterations:,}"
     if result.ended in ("converged", "solved"):
         return f"{result.ended} {at}"

@@ -292,9 +292,8 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         )
 
     def collect(
-        state: PPOState, env_params: TaskParams, key: jax.Array
+        state: PPOState, env_params: TaskParams, embedding: jax.Array, key: jax.Array
     ) -> tuple[Known, Episode, Transitions, EpisodeTotals, dict[str, jax.Array]]:
-        embedding = embed(state.params, env_params.table)
         correlation = noise_correlation(config, state.iteration / iterations)
 
         def explore(known: Known, now: State, key: jax.Array) -> tuple[jax.Array, Known, jax.Array]:
@@ -382,8 +381,8 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         start = jax.tree.map(lambda x: x.reshape(x.shape[0] * x.shape[1], *x.shape[2:]), transitions.carry)
         return Segment(start=start, action=action, reward=reward, ended=ended, seen=seen)
 
-    def make_batch(table: TaskTable, params: Params, transitions: Transitions) -> Batch:
-        embedding, carry = embed(params, table), segments_of(params, transitions)
+    def make_batch(embedding: jax.Array, params: Params, transitions: Transitions) -> Batch:
+        carry = segments_of(params, transitions)
         steps = jax.tree.map(in_segments, replace(transitions, carry=()))
 
         def evaluate(part: tuple[Transitions, Segment | tuple[()]]) -> tuple[jax.Array, jax.Array]:
@@ -452,10 +451,13 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         key, rollout_key, epochs_key = jax.random.split(state.key, 3)
 
         # COLLECT
-        (noise, carry, _), episodes, transitions, totals, env_metrics = collect(state, env_params, rollout_key)
+        embedding = embed(state.params, table)  # one for acting and for the values: the parameters are the same
+        (noise, carry, _), episodes, transitions, totals, env_metrics = collect(
+            state, env_params, embedding, rollout_key
+        )
 
         # ADVANTAGE
-        batch = make_batch(table, state.params, transitions)
+        batch = make_batch(embedding, state.params, transitions)
 
         # UPDATE
         (params, opt_state), scalars = jax.lax.scan(

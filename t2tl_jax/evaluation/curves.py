@@ -8,7 +8,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from t2tl_jax.evaluation.statistics import bootstrap_band
-from t2tl_jax.runs.metrics_file import by_seed, read_columns
 
 PANELS = (
     ("success_rate", "success rate"),
@@ -20,32 +19,34 @@ Curve = tuple[Sequence[float], Sequence[float]]
 
 
 def plot_learning_curves(
-    metrics: Path, target: Path, title: str = "", published: Mapping[str, Curve] | None = None
+    metrics: Mapping[str, np.ndarray],
+    seeds: Sequence[int],
+    target: Path,
+    title: str = "",
+    published: Mapping[str, Curve] | None = None,
 ) -> None:
     """Draw the curves of a run: a thin line per seed, their mean, and its 95 % bootstrap interval over seeds.
 
     Args:
-        metrics: a ``metrics.csv``.
+        metrics: by name, ``float[seeds, iterations]``, such as `Result.metrics`; NaN where absent.
+        seeds: their numbers.
         target: the PNG to write.
         title: above the panels.
         published: curves ``(frames, discounted return)`` to compare with, by name.
-
-    Raises:
-        MetricsFileError: if there are no metrics to draw.
     """
-    columns = read_columns(metrics)
+    frames = _frames(metrics)
     # Without pyplot: no global state, no display, usable from any thread.
     figure = Figure(figsize=(4.4 * len(PANELS), 3.6), layout="constrained")
     canvas = FigureCanvasAgg(figure)
     for axes, (name, label) in zip(figure.subplots(1, len(PANELS)), PANELS, strict=True):
-        _, frames, values = by_seed(columns, name)
+        values = metrics[name]
         centre, low, high = bootstrap_band(values)
         if len(values) > 1:
             for line in values:
                 axes.plot(frames, line, color="C0", linewidth=0.6, alpha=0.4)
             axes.fill_between(frames, low, high, color="C0", alpha=0.2, linewidth=0)
         marker = "o" if np.isfinite(centre).sum() == 1 else None
-        count = f"{len(values)} seeds" if len(values) > 1 else f"seed {int(columns['seed'][0])}"
+        count = f"{len(values)} seeds" if len(values) > 1 else f"seed {seeds[0]}"
         axes.plot(frames, centre, color="C0", linewidth=1.8, marker=marker, label=count)
         if name == "discounted_return":
             for index, (curve, (x, y)) in enumerate((published or {}).items(), start=1):
@@ -60,22 +61,21 @@ def plot_learning_curves(
     canvas.print_png(str(target))
 
 
-def plot_runs(runs: Mapping[str, Path], target: Path, published: Mapping[str, Curve] | None = None) -> None:
+def plot_runs(
+    runs: Mapping[str, Mapping[str, np.ndarray]], target: Path, published: Mapping[str, Curve] | None = None
+) -> None:
     """Draw the discounted return of several runs, each with its 95 % bootstrap interval over seeds.
 
     Args:
-        runs: the ``metrics.csv`` of each run, by name.
+        runs: the metrics of each run, as for `plot_learning_curves`, by name.
         target: the PNG to write.
         published: curves ``(frames, discounted return)``, drawn dashed in the same order of colours.
-
-    Raises:
-        MetricsFileError: if a run has no metrics to draw.
     """
     figure = Figure(figsize=(7.5, 4.4), layout="constrained")
     canvas = FigureCanvasAgg(figure)
     axes = figure.subplots()
     for index, (name, metrics) in enumerate(runs.items()):
-        _, frames, values = by_seed(read_columns(metrics), "discounted_return")
+        frames, values = _frames(metrics), metrics["discounted_return"]
         centre, low, high = bootstrap_band(values)
         axes.fill_between(frames, low, high, color=f"C{index}", alpha=0.15, linewidth=0)
         axes.plot(frames, centre, color=f"C{index}", linewidth=1.6, label=f"{name} ({len(values)} seeds)")
@@ -86,6 +86,11 @@ def plot_runs(runs: Mapping[str, Path], target: Path, published: Mapping[str, Cu
     axes.grid(alpha=0.3)
     axes.legend(frameon=False, fontsize="small")
     canvas.print_png(str(target))
+
+
+def _frames(metrics: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Environment steps of each seed by iteration: float[iterations]. No row is missing in every seed."""
+    return np.nanmax(metrics["frames"], axis=0)
 
 
 def sparkline(values: np.ndarray, width: int = 32) -> str:

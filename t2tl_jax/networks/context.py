@@ -42,7 +42,7 @@ class ContextConfig:
     (published code), through which no gradient flows."""
     segment_length: int = 8
     """PPO draws its minibatches in pieces of so many successive steps, which share the work on their windows; must
-    divide ppo.rollout_steps. 1 draws every step by itself, as the published code does, and is several times slower."""
+    divide unroll_length. 1 draws every step by itself, as the published code does, and is several times slower."""
 
     def __post_init__(self) -> None:
         if self.length < 1:

@@ -38,7 +38,7 @@ def _converter() -> cattrs.Converter:
     def structured(registry: Registry, value: Any, _: Any) -> Any:
         fields = dict(value) if isinstance(value, dict) else {}
         if KIND not in fields:
-            raise ValueError(f"expected an object with the {KIND} of a {registry.thing}, got {value!r}")
+            raise ValueError(f"expected an object whose {KIND} names a registered {registry.thing}, got {value!r}")
         return converter.structure(fields, registry.config_class(fields.pop(KIND)))
 
     def with_kind(registry: Registry, value: Any) -> dict[str, Any]:
@@ -75,7 +75,6 @@ def from_json(text: str, source: str) -> Config:
         data = json.loads(text)
     except ValueError as error:
         raise UserError(f"{source} is not valid JSON: {error}") from error
-    _as_it_was(data)
     try:
         return _converter().structure(migrated(data), Config)
     except Exception as error:  # cattrs groups whatever the dataclasses raise
@@ -94,14 +93,6 @@ def load(path: Path) -> Config:
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"cannot read {path}: {error}") from error
     return from_json(text, str(path))
-
-
-def _as_it_was(data: Any) -> None:
-    """Fill in what a run did before there was a field for it, where the default is something else now."""
-    network = data.get("network") if isinstance(data, dict) else None
-    context = network.get("context") if isinstance(network, dict) else None
-    if isinstance(context, dict):
-        context.setdefault("segment_length", 1)
 
 
 def _exactly(value: Any, kind: type) -> Any:

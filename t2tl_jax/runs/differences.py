@@ -8,7 +8,7 @@ from t2tl_jax.runs.machine_files import same_task
 
 
 def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
-    """Fields in which two configurations differ, as ``learner.noise_time=0.0``; where the run was stored does not count.
+    """Fields in which two configurations differ, as ``learner.noise_time=0.0``; `run` does not count.
 
     Of another kind of environment, network or learner, its name and what departs from its defaults.
     """

@@ -12,6 +12,7 @@ from t2tl_jax.env import LabelledEnv
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.registry import AGENTS, ENVS
+from t2tl_jax.runs.compilation import Compilation
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import make_pools, make_table
 from t2tl_jax.task_env import TaskEnv, TaskParams
@@ -63,6 +64,17 @@ class Experiment:
         """The one program that trains all seeds, traced but not compiled."""
         return trace(self.agent, self.seeds, self.env_params(training=True), restartable=self.pools is not None)
 
+    def compilation(self, fresh: bool) -> Compilation:
+        """The program, compiling beside other work since this was first called; see `Compilation`."""
+        known: list[Compilation] = self._compilations
+        if not known or known[0].fresh != fresh:
+            known[:] = [Compilation(self.program, fresh)]
+        return known[0]
+
+    @cached_property
+    def _compilations(self) -> list[Compilation]:
+        return []
+
     @cached_property
     def params_shapes(self) -> Any:
         """Shapes and dtypes of the parameters of all seeds, leading axis [seeds]: a tree of ``jax.ShapeDtypeStruct``.
@@ -76,7 +88,9 @@ class Experiment:
     def with_config(self, config: Config) -> "Experiment":
         """The same objects under a configuration that says the same in other words; what was traced stays."""
         same = replace(self, config=config)
-        same.__dict__.update({name: self.__dict__[name] for name in ("program",) if name in self.__dict__})
+        same.__dict__.update(
+            {name: self.__dict__[name] for name in ("program", "_compilations") if name in self.__dict__}
+        )
         return same
 
     def with_table(self, table: TaskTable) -> "Experiment":

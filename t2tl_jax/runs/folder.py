@@ -10,9 +10,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from t2tl_jax.errors import UserError
 from t2tl_jax.runs import config_files, machine_files
 from t2tl_jax.runs.config import Config
-from t2tl_jax.errors import UserError
 
 
 class RunFolder:

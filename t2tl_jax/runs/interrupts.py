@@ -27,6 +27,9 @@ class Stoppable(Protocol):
     def call(self, function: Callable[[], T], when: str) -> T:
         """Run something long that has nothing to save; Interrupted, saying `when`, if it is not to be waited for."""
 
+    def abandon(self, thread: threading.Thread) -> None:
+        """Nobody waits for the work of this thread any more."""
+
 
 class NeverStop:
     """Nobody asks: for a training in the middle of a program, where Ctrl-C is that program's own affair."""
@@ -36,6 +39,9 @@ class NeverStop:
     def call(self, function: Callable[[], T], when: str) -> T:
         """Run it."""
         return function()
+
+    def abandon(self, thread: threading.Thread) -> None:
+        """Python waits for it at its own end."""
 
 
 class StopRequest:
@@ -94,6 +100,10 @@ class StopRequest:
         if "error" in outcome:
             raise outcome["error"]
         return outcome["value"]
+
+    def abandon(self, thread: threading.Thread) -> None:
+        """Let `leave` end the process without waiting for this thread."""
+        self._abandoned.append(thread)
 
     def leave(self, code: int) -> int:
         """Return an exit code, unless abandoned work is still running: then end the process with it here and now."""

@@ -3,9 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from t2tl_jax.runs.config import Config
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl.tasks import is_machine_file
+from t2tl_jax.runs.config import Config
 
 
 def read(config: Config) -> dict[str, bytes]:

@@ -97,7 +97,7 @@ class MetricsFile:
         self._file = open(self.path, "a", newline="", encoding="utf-8")  # noqa: SIM115, open for the whole run
 
     def append(self, new_rows: Sequence[Mapping[str, float | int | None]]) -> None:
-        """Write rows, and the header before the first of them; the columns must be those of the header, in any order."""
+        """Write rows, and the header before the first of them; their columns are those of the header, in any order."""
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         for row in new_rows:

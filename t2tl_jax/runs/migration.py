@@ -40,7 +40,7 @@ def _from_first(data: dict[str, Any]) -> dict[str, Any]:
     encoder = {"size": size} if reader == "one_hot" else dict(sizes.get(reader) or {})
     network["task_encoder"] = {"kind": reader, **encoder}
     if network.get("context"):
-        # Each sample was read with a window of its own.
-        network["context"] = {**network["context"], "segment_length": 1}
+        # Before there was the field, each sample was read with a window of its own.
+        network["context"] = {"segment_length": 1, **network["context"]}
     data["learner"] = {"kind": kind, "network": network, **learner}
     return data

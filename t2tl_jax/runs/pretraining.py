@@ -158,8 +158,8 @@ def _check_padding(before: Experiment, experiment: Experiment, source: str) -> N
     if theirs != ours:
         flag = "--pool.length" if experiment.pools is not None else "--task-length"
         raise UserError(
-            "a Transformer with masked=False reads the padding of its formulas too, so they need as many tokens here as "
-            f"in its pre-training: {theirs} in {source}, {ours} in this run; "
+            "a Transformer with masked=False reads the padding of its formulas too, so they need as many tokens here "
+            f"as in its pre-training: {theirs} in {source}, {ours} in this run; "
             f"set {flag} {theirs}, or another length with --pretrained auto, which then pre-trains with that length too"
         )
 

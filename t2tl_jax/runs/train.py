@@ -100,16 +100,7 @@ def resume(
     with explained():
         run, stored = run_folder.open_existing(Path(folder))
         config = _changed(stored, changes)
-        changed = [
-            field.name
-            for field in fields(Config)
-            if field.name not in CHANGEABLE and getattr(config, field.name) != getattr(stored, field.name)
-        ]
-        if changed:
-            raise UserError(
-                "a resumed run keeps its configuration; only --frames, --until-solved, --convergence.* and --run.* "
-                f"apply, not {', '.join(changed)}"
-            )
+        refuse_other_changes(stored, config)
         with Checkpoints(run.checkpoints) as checkpoints:
             begun = checkpoints.latest_iteration() is not None
         experiment, before = session.stop.call(lambda: _checked(config, env, None, begun), "while preparing")
@@ -187,6 +178,24 @@ def _check_fields(changes: dict[str, Any]) -> None:
         raise UserError(f"learner is the configuration of one, such as PPOConfig(...), got {learner!r}")
 
 
+def refuse_other_changes(stored: Config, config: Config) -> None:
+    """Refuse to resume a run with another configuration than the stored one, but for what may change.
+
+    Raises:
+        UserError: naming what else is changed.
+    """
+    changed = [
+        field.name
+        for field in fields(Config)
+        if field.name not in CHANGEABLE and getattr(config, field.name) != getattr(stored, field.name)
+    ]
+    if changed:
+        raise UserError(
+            "a resumed run keeps its configuration; only --frames, --until-solved, --convergence.* and --run.* "
+            f"apply, not {', '.join(changed)}"
+        )
+
+
 def _checked(
     config: Config, env: LabelledEnv | None, first: Result | None, begun: bool = False
 ) -> tuple[Experiment, Experiment | None]:
@@ -205,12 +214,16 @@ def _checked(
     if not begun:
         if config.pretrained:
             before = pretraining.check(experiment, first)
+            if pretraining.is_auto(config):
+                before.compilation(fresh=True)  # goes on beside the tracing below
         if experiment.pools is not None:
             experiment.pools(0)  # too small caps end a run here or never
     try:
         _ = experiment.program
     except TypeError as error:
         raise UserError(str(error)) from error
+    if not begun:
+        experiment.compilation(fresh=True)
     return experiment, before
 
 

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,6 +13,7 @@ from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import loop, pretraining
 from t2tl_jax.runs.callbacks import Callback, Progress
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints, best_params
+from t2tl_jax.runs.compilation import Compiled
 from t2tl_jax.runs.convergence import Convergence
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder
@@ -26,28 +26,9 @@ from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.solved import SolvedWatch
 from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.training import transfer
-from t2tl_jax.training.program import Program, place_params
+from t2tl_jax.training.program import place_params
 from t2tl_jax.training.seeds import place
 from t2tl_jax.training.types import Metrics
-
-
-@dataclass(frozen=True)
-class Compiled:
-    """The functions of a `Program`, compiled; `init` and `restart` only where they are needed."""
-
-    init: Any
-    iterate: Any
-    restart: Any
-    seconds: float
-
-
-def compile_program(program: Program, fresh: bool) -> Compiled:
-    """Compile the functions of a program side by side; `init` only for a training that is `fresh`."""
-    begin = time.monotonic()
-    lowered = (program.lowered_init if fresh else None, program.lowered_iterate, program.lowered_restart)
-    with ThreadPoolExecutor(max_workers=len(lowered)) as threads:
-        init, iterate, restart = threads.map(lambda one: None if one is None else one.compile(), lowered)
-    return Compiled(init, iterate, restart, time.monotonic() - begin)
 
 
 @dataclass
@@ -137,11 +118,14 @@ class Training:
     def _earlier(self, done: int) -> dict[str, np.ndarray]:
         """The metrics behind a checkpoint, by name float[seeds, done]."""
         assert self.run_folder is not None
+        going_on = done < self.experiment.config.iterations
         try:
-            if done < self.experiment.config.iterations:
+            if going_on:
                 lines_up_to(self.run_folder.metrics, done)  # the logger would say the same, but after compiling
             return {name: values[:, :done] for name, values in history(self.run_folder.metrics).items()}
         except MetricsFileError as error:
+            if not going_on:  # the parameters can be used without
+                return {}
             hint = "A resumed run needs its rows so far: mend the file, bring back a copy of it, or begin a new run."
             raise UserError(f"{error}\n{hint}") from error
 
@@ -156,18 +140,16 @@ class Training:
     def _begin(self, state: Any) -> tuple[Compiled, Any]:
         """Compile, beside the pre-training of a new run if it has one, and make its first state."""
         experiment, program, fresh = self.experiment, self.experiment.program, state is None
-        with ThreadPoolExecutor(max_workers=1) as beside:
-            compilation: Future[Compiled] = beside.submit(compile_program, program, fresh)
-            encoder = None
-            try:
-                if fresh and self.pretrain is not None:
-                    first = self.pretrain()
-                    encoder = pretraining.encoder(experiment, first)
-                    self.progress.notes["pretraining"] = pretraining.summary(first)
-                compiled = self.stop.call(compilation.result, "while compiling")
-            except Interrupted:
-                beside.shutdown(wait=False)
-                raise
+        compilation, encoder = experiment.compilation(fresh), None
+        try:
+            if fresh and self.pretrain is not None:
+                first = self.pretrain()
+                encoder = pretraining.encoder(experiment, first)
+                self.progress.notes["pretraining"] = pretraining.summary(first)
+            compiled = self.stop.call(compilation.result, "while compiling")
+        except Interrupted:
+            self.stop.abandon(compilation.thread)
+            raise
         self.progress.compile_seconds = compiled.seconds
         if fresh:
             state = compiled.init(program.keys, program.env_params)

@@ -13,17 +13,17 @@ import pytest
 from t2tl_jax.agents.dqn import DQNConfig, Transition, dqn_loss, epsilon, make_dqn, td_targets
 from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines, progress
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
-from t2tl_jax.networks.task_encoders import embedding_size
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import Shared, TaskEnv
 from tests.agents.sizes import TRANSFORMER
 from tests.probe import DiscreteProbeEnv
 
 NETWORK = QNetworkConfig(
-    transformer=TRANSFORMER,
+    task_encoder=TRANSFORMER,
     state_layers=(16,),
     task_layer=32,
 )
-ONE_HOT = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster where the encoder does not matter
+ONE_HOT = dataclasses.replace(NETWORK, task_encoder=OneHotConfig())  # compiles faster where the encoder does not matter
 DQN = DQNConfig(
     num_envs=8,
     unroll_length=50,
@@ -125,7 +125,8 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
 def test_codes_of_all_encoders_are_of_the_same_length_to_the_bilinear_head(env):
     for config in (NETWORK, ONE_HOT):
         network = QNetwork(dataclasses.replace(config, head="bilinear"), 3)
-        embedding = jnp.eye(4, embedding_size(config)) if config is ONE_HOT else jnp.ones((4, embedding_size(config)))
+        shape = (4, config.task_encoder.code_size)
+        embedding = jnp.eye(*shape) if config is ONE_HOT else jnp.ones(shape)
         codes = network.apply({}, embedding, method="codes")
         np.testing.assert_allclose(jnp.linalg.norm(codes[:, :-1], axis=-1), 1.0, rtol=1e-6)
         np.testing.assert_array_equal(codes[:, -1], 1.0)

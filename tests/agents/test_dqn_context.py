@@ -13,6 +13,7 @@ from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.agents.sizes import TRANSFORMER
 from tests.probe import DiscreteCueEnv
@@ -20,7 +21,7 @@ from tests.probe import DiscreteCueEnv
 pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
 
 CONTEXT = ContextConfig(length=2, transformer=TRANSFORMER)
-NETWORK = QNetworkConfig(task_encoder="one_hot", state_layers=(16, 16), task_layer=16, context=CONTEXT)
+NETWORK = QNetworkConfig(task_encoder=OneHotConfig(), state_layers=(16, 16), task_layer=16, context=CONTEXT)
 DQN = DQNConfig(
     network=NETWORK,
     num_envs=8,

@@ -14,17 +14,19 @@ from t2tl_jax.agents.ppo import Batch, make_ppo, noise_correlation, ppo_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.networks.rgcn import RGCNConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.agents.sizes import PPO, TRANSFORMER
 from tests.probe import ProbeEnv
 
 NETWORK = NetworkConfig(
-    transformer=TRANSFORMER,
+    task_encoder=TRANSFORMER,
     env_layers=(16,),
     actor_layers=(16,),
     critic_layers=(16,),
 )
-ONE_HOT = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster where the encoder does not matter
+ONE_HOT = dataclasses.replace(NETWORK, task_encoder=OneHotConfig())  # compiles faster where the encoder does not matter
 
 
 @pytest.fixture(scope="module")
@@ -120,9 +122,9 @@ def test_probe_is_solved_by_reading_the_formula(env, learner):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task_encoder", ["one_hot", "rgcn", "gru"])
+@pytest.mark.parametrize("task_encoder", [OneHotConfig(), RGCNConfig(), GRUConfig(width=16, output=8)])
 def test_other_task_encoders_solve_the_probe_too(env, task_encoder):
-    network = dataclasses.replace(NETWORK, task_encoder=task_encoder, gru=GRUConfig(width=16, output=8))
+    network = dataclasses.replace(NETWORK, task_encoder=task_encoder)
     agent, given = make(env, network=network), env.make_params(0)
     state = jax.jit(agent.init)(jax.random.key(0), given)
     iterate = jax.jit(agent.iterate)

@@ -14,6 +14,7 @@ from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.advantages import generalised_advantages
@@ -24,7 +25,12 @@ pytestmark = pytest.mark.slow  # every test waits for the compilation of a learn
 
 CONTEXT = ContextConfig(length=2, transformer=sizes.TRANSFORMER)
 NETWORK = NetworkConfig(
-    task_encoder="one_hot", env_layers=(16,), actor_layers=(16,), critic_layers=(16,), value_scale=1.0, context=CONTEXT
+    task_encoder=OneHotConfig(),
+    env_layers=(16,),
+    actor_layers=(16,),
+    critic_layers=(16,),
+    value_scale=1.0,
+    context=CONTEXT,
 )
 # One minibatch: its probability ratios are those of the parameters that acted.
 PPO = dataclasses.replace(sizes.PPO, num_envs=32, unroll_length=8, epochs=1, minibatch_size=256, learning_rate=1e-2)

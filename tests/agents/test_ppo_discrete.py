@@ -12,12 +12,13 @@ from envs.single_state import SingleState
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.agents import sizes
 from tests.probe import DiscreteProbeEnv
 
 NETWORK = NetworkConfig(
-    transformer=sizes.TRANSFORMER,
+    task_encoder=sizes.TRANSFORMER,
     env_layers=(),
     actor_layers=(),
     critic_layers=(),
@@ -41,7 +42,7 @@ def train(env, agent, iterations):
 
 @pytest.mark.slow
 def test_replaying_a_stored_rollout_gives_probability_ratio_one(probe):
-    network = dataclasses.replace(NETWORK, task_encoder="one_hot")  # compiles faster
+    network = dataclasses.replace(NETWORK, task_encoder=OneHotConfig())  # compiles faster
     config = dataclasses.replace(PPO, network=network, epochs=1, minibatch_size=256, learning_rate=0.0)
     _, metrics = train(probe, make_ppo(probe, config, episode_length=20, iterations=1), 1)
     assert metrics.episodes.episodes > 0

@@ -16,7 +16,7 @@ from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv, TaskParams
 
 NETWORK = NetworkConfig(
-    transformer=TransformerConfig(layers=1, width=32, heads=2, feed_forward=64, output=8),
+    task_encoder=TransformerConfig(layers=1, width=32, heads=2, feed_forward=64, output=8),
     env_layers=(),
     actor_layers=(),
     critic_layers=(),

@@ -13,12 +13,13 @@ from t2tl_jax.agents.ppo import Batch, PPOConfig, ppo_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.context import ContextConfig, Segment, stack_windows, valid_in_windows
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.training.types import repeated
 from tests.agents import sizes
 
 SEGMENTS, STEPS, WINDOW, OBSERVATION = 6, 5, 3, 4
 CONTEXT = ContextConfig(length=WINDOW, transformer=sizes.TRANSFORMER, segment_length=STEPS)
-NETWORK = NetworkConfig(task_encoder="one_hot", env_layers=(16,), actor_layers=(16,), critic_layers=(16,))
+NETWORK = NetworkConfig(task_encoder=OneHotConfig(), env_layers=(16,), actor_layers=(16,), critic_layers=(16,))
 
 
 def make_network(**changes):
@@ -79,7 +80,7 @@ def test_loss_gradients_and_values_are_those_of_samples_with_their_own_windows(r
     obs, action, windows, after, segment = act(network, params)
     rng = np.random.default_rng(1)
     log_prob, value, advantage = (jnp.asarray(rng.normal(size=(SEGMENTS, STEPS)), jnp.float32) for _ in range(3))
-    task = jnp.asarray(rng.normal(size=(SEGMENTS, STEPS, NETWORK.one_hot_size)), jnp.float32)
+    task = jnp.asarray(rng.normal(size=(SEGMENTS, STEPS, NETWORK.task_encoder.code_size)), jnp.float32)
     row = jnp.zeros((SEGMENTS, STEPS), int)
     batch = Batch(obs, row, action, log_prob - 3, value, advantage, segment)
     flat = lambda tree: jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), tree)  # noqa: E731

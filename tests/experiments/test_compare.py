@@ -1,14 +1,10 @@
-"""Comparing runs: every finished episode counts once, and only settings that matter are named."""
+"""Comparing runs by command: what is not known, what is given twice, tests and pictures."""
 
-import dataclasses
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from experiments.compare import differences, ending, main
-from experiments.configs import CONFIGS, Config
-from experiments.methods import apply
+from experiments.compare import main
 
 HEADER = (
     "iteration,frames,seed,episodes,success_rate,violation_rate,timeout_rate,discounted_return,length,success_length"
@@ -35,24 +31,6 @@ def incomplete(metrics, tmp_path):
     return tmp_path
 
 
-def test_last_iterations_are_averaged_over_episodes(metrics):
-    end = ending(metrics, last=0.5)
-    np.testing.assert_allclose(end.success, [(3 * 0.75 + 4 * 1.0) / 7, 1.0])
-    np.testing.assert_allclose(end.discounted_return, [(3 * 0.3 + 4 * 0.4) / 7, 0.5])
-
-
-def test_at_least_one_iteration_is_averaged(metrics):
-    end = ending(metrics, last=0.01)
-    for values, of_first in ((end.success, 1.0), (end.discounted_return, 0.4), (end.length, 5.0)):
-        np.testing.assert_allclose(values, [of_first, np.nan])  # no episode of seed 1 ended
-
-
-@pytest.mark.parametrize("cut", [len("4,40,1,0,,,,,,\n"), len(",,,,,\n")])
-def test_a_seed_without_its_last_row_counts_with_those_before(metrics, cut):
-    metrics.write_text(metrics.read_text()[:-cut])
-    np.testing.assert_allclose(ending(metrics, last=0.5).discounted_return, [(3 * 0.3 + 4 * 0.4) / 7, 0.5])
-
-
 def test_what_is_not_known_is_a_dash(incomplete, capsys):
     assert main([str(incomplete), "--last", "0.01"]) == 0
     shown = capsys.readouterr().out
@@ -73,32 +51,6 @@ def test_a_run_given_twice_counts_once(capsys):
     assert "t2tl/../t2tl is given more than once" in shown and shown.count("p=") == 1
     assert main([run, run, "--pairs", "True"]) == 2
     assert "--pairs tests two runs or more" in capsys.readouterr().err
-
-
-def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
-    base = Config()
-    other = dataclasses.replace(
-        base, ppo=dataclasses.replace(base.ppo, noise_time=0.0), run=dataclasses.replace(base.run, folder="x")
-    )
-    assert list(differences(base, other)) == ["ppo.noise_time=0.0"]
-
-
-def test_differences_between_kinds_are_those_from_the_defaults():
-    zone, water = Config(), apply(CONFIGS["waterworld_dqn"][0], "rm")
-    water = dataclasses.replace(water, frames=zone.frames)
-    assert set(differences(zone, water)) == {
-        "env=WaterWorldConfig",
-        "env.layout=by_seed",
-        "network=QNetworkConfig",
-        "network.task_encoder=one_hot",
-        "network.head=bilinear",
-        "network.task_layer=512",
-        "ppo=None",
-        "dqn=DQNConfig",
-        "task=phi_water",
-        "episode_length=600",
-    }
-    assert "env=ZoneConfig" in set(differences(water, zone)) and "dqn=None" in set(differences(water, zone))
 
 
 def test_wrong_folder_is_a_clean_error(tmp_path, capsys):

@@ -1,12 +1,10 @@
 """Files of a run that are missing, damaged or cannot be written: said in words, and no result is lost for it."""
 
-import dataclasses
-
-import fake_learner
 import pytest
 
-from experiments import evaluate
-from t2tl_jax.runs import evaluation_run
+from t2tl_jax.registry import AGENTS, Kind
+from t2tl_jax.runs import evaluations
+from tests import fake_agent, fake_learner
 
 pytestmark = pytest.mark.slow  # every test makes a run or two
 
@@ -57,27 +55,27 @@ def test_a_damaged_evaluation_is_told_before_the_next_one(finished, evaluate_run
     assert (finished / "evaluation.json").read_text() == content
 
 
-def test_an_animation_that_cannot_be_written(finished, monkeypatch, capsys):
+def test_an_animation_that_cannot_be_written(finished, evaluate_run, monkeypatch, capsys):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(evaluation_run, "view_of", lambda env: "a view")
-    monkeypatch.setattr(evaluation_run, "record", lambda *_, **__: None)
-    monkeypatch.setattr(evaluation_run, "save_gif", full)
-    assert evaluate.main([str(finished), "--episodes", "4", "--gif", "True"], build=fake_learner.build) == 2
+    monkeypatch.setattr(fake_learner.FakeEnv, "view", lambda env: "a view")
+    monkeypatch.setattr(evaluations, "record", lambda *_, **__: None)
+    monkeypatch.setattr(evaluations, "save_gif", full)
+    assert evaluate_run(finished, "--episodes", "4", "--gif", "True") == 2
     shown = capsys.readouterr()
     assert "stored:" in shown.out and "episode.gif: No space left" in shown.err
 
 
-def test_a_task_that_the_network_cannot_read_is_explained(finished, capsys):
-    def too_large(key):
-        raise ValueError("a one-hot code of size 16 cannot tell 17 states apart; set network.one_hot_size to 17")
+def test_a_task_that_the_network_cannot_read_is_explained(finished, evaluate_run, monkeypatch, capsys):
+    def too_large(*_):
+        raise ValueError("a one-hot code of size 16 cannot tell 17 states apart; set its size to 17")
 
-    def build(config):
-        experiment = fake_learner.build(config)
-        return dataclasses.replace(experiment, agent=experiment.agent._replace(init=too_large))
+    def make(*given):
+        return fake_agent.make_agent(*given)._replace(init=too_large)
 
-    assert evaluate.main([str(finished), "--task", "F Red"], build=build) == 2
+    monkeypatch.setitem(AGENTS._kinds, "fake", Kind(fake_agent.FakeConfig, make))
+    assert evaluate_run(finished, "--task", "F Red") == 2
     message = capsys.readouterr().err
     assert "cannot read F Red: a one-hot code of size 16" in message
     assert "keeps the kind and the sizes that it was made with" in message

@@ -4,47 +4,61 @@ import pytest
 
 from experiments import methods
 from experiments.cli import request as command_line
-from experiments.compare import differences
-from experiments.configs import CONFIGS
+from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.rgcn import RGCNConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
+from t2tl_jax.registry import named_config
+from t2tl_jax.runs.differences import differences
+from tests.fake_learner import CONFIG
 
-NETWORK = ("network.task_encoder", "network.freeze_task_encoder", "network.context")
-SWITCHES = (*NETWORK, "pretrained", "simultaneous", "dqn.simultaneous")
+NETWORK = ("task_encoder", "freeze_task_encoder", "context")
+SWITCHES = (
+    *(f"learner.network.{name}" for name in NETWORK),
+    *("pretrained", "random_starts", "learner.counterfactual"),
+)
 
 
 @pytest.mark.parametrize("name", list(methods.METHODS))
 @pytest.mark.parametrize("base", ["zone_ppo", "waterworld_dqn"])
 def test_a_method_changes_its_switches_only(base, name):
-    before, method = CONFIGS[base][0], methods.METHODS[name]
+    before, method = named_config(base), methods.METHODS[name]
     after = methods.apply(before, name)
-    assert after.network.task_encoder == method.task_encoder
-    assert (after.network.context is not None) == method.context
+    network = after.learner.network
+    assert type(network.task_encoder) is method.task_encoder
+    assert (network.context is not None) == method.context
     assert all(change.partition("=")[0].startswith(SWITCHES) for change in differences(before, after))
-    if after.dqn is not None:
-        assert after.dqn.simultaneous == method.simultaneous
-    if method.task_encoder == "one_hot":
-        assert after.pretrained == "" and not after.network.freeze_task_encoder
+    if isinstance(after.learner, DQNConfig):
+        assert after.learner.counterfactual == method.simultaneous
+    assert (after.random_starts > 0) == (name == "rm" and base == "zone_ppo")
+    if method.task_encoder is OneHotConfig:
+        assert after.pretrained == "" and not network.freeze_task_encoder
     else:
         assert after.pretrained == before.pretrained
 
 
 def test_named_configurations_are_the_methods_they_say():
-    assert methods.apply(CONFIGS["zone_ppo"][0], "t2tl") == CONFIGS["zone_ppo"][0]
-    assert methods.apply(CONFIGS["waterworld_dqn"][0], "t1tl") == CONFIGS["waterworld_dqn"][0]
-    published = CONFIGS["zone_ppo_published"][0]
+    assert methods.apply(named_config("zone_ppo"), "t2tl") == named_config("zone_ppo")
+    assert methods.apply(named_config("waterworld_dqn"), "t1tl") == named_config("waterworld_dqn")
+    published = named_config("zone_ppo_published")
     assert methods.apply(published, "t2tl") == published  # with its own context, not the default one
-    assert methods.apply(CONFIGS["waterworld_dqn"][0], "t2tl").network.context == ContextConfig(length=12)
+    assert methods.apply(named_config("waterworld_dqn"), "t2tl").learner.network.context == ContextConfig(length=12)
 
 
 def test_pretraining_has_no_context():
-    assert methods.apply(CONFIGS["pretrain_zone"][0], "t2tl").network.context is None
-    assert methods.apply(CONFIGS["pretrain_zone"][0], "gnn").network.task_encoder == "rgcn"
+    assert methods.apply(named_config("pretrain_zone"), "t2tl").learner.network.context is None
+    assert methods.apply(named_config("pretrain_zone"), "gnn").learner.network.task_encoder == RGCNConfig()
 
 
 def test_methods_on_the_command_line():
-    assert command_line.read_request(["--config", "zone_ppo", "--method", "dfa_cont"]).method == "dfa_cont"
+    assert command_line.read(["--config", "zone_ppo", "--method", "dfa_cont"]).method == "dfa_cont"
     with pytest.raises(UserError, match="did you mean 't1tl'"):
-        command_line.read_request(["--config", "zone_ppo", "--method", "t1t"])
+        command_line.read(["--config", "zone_ppo", "--method", "t1t"])
     with pytest.raises(UserError, match="leave --config and --method out"):
-        command_line.read_request(["--resume", "runs/x", "--method", "dfa"])
+        command_line.read(["--resume", "runs/x", "--method", "dfa"])
+
+
+def test_other_learners_have_no_methods():
+    with pytest.raises(UserError, match="those of the paper's learners, PPO and DQN; this one is FakeConfig"):
+        methods.apply(CONFIG, "t2tl")

@@ -1,17 +1,14 @@
 """Runs that start with a pre-trained encoder need it once: whatever becomes of its run later, they can be resumed."""
 
-import dataclasses
 import shutil
 
-import fake_learner
 import pytest
 
 from envs.single_state import SingleStateConfig
-from experiments import attention, run
-from experiments.configs import PRETRAINING
+from experiments import attention
+from t2tl_jax.runs import experiment, pretraining
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import pretraining
-from t2tl_jax.runs.convergence import ConvergenceConfig
+from t2tl_jax.runs.pools import make_table
 
 pytestmark = pytest.mark.slow  # every test makes a run or two
 
@@ -31,7 +28,7 @@ def test_a_run_goes_on_from_elsewhere_and_without_its_pretraining_run(
     folder = train("--frames", "200", *NO_EVALUATION, "--pretrained", str(source))
     assert read_json(folder / "config.json")["pretrained"] == str(tmp_path / source)
     summary = read_json(folder / "status.json")["pretraining"]
-    assert summary["task"] == "phi_zone" and summary["frames_per_seed"] == 200
+    assert summary["task"] == "!Black U Red" and summary["frames_per_seed"] == 200
 
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
@@ -53,21 +50,22 @@ def test_the_start_of_a_run_whose_pretraining_run_is_gone_is_not_drawn(train, so
     path = train("--frames", "200", *NO_EVALUATION, "--pretrained", str(source))
     shutil.rmtree(tmp_path / source)
     folder, config = run_folder.open_existing(path)
-    origin, params = attention._start(folder, config, 0, {"params": {}}, fake_learner.build)
+    origin, params = attention._start(folder, config, 0, {"params": {}})
     assert origin.startswith("new network") and params == {"params": {}}
     assert "cannot be read: there is no folder" in capsys.readouterr().out
 
 
-def test_a_run_with_a_checkpoint_does_not_prepare_its_own_pretraining_again(train, read_json, monkeypatch):
-    small = dataclasses.replace(PRETRAINING, frames=200, convergence=ConvergenceConfig())
-    monkeypatch.setattr(pretraining, "PRETRAINING", small)
+def test_a_run_with_a_checkpoint_does_not_prepare_its_own_pretraining_again(train, resume, read_json, monkeypatch):
+    monkeypatch.setattr(pretraining, "SCHEDULE", "pretrain_fake")
     folder = train("--frames", "200", *NO_EVALUATION, "--pretrained", "auto")
     assert read_json(folder / "config.json")["pretrained"] == "auto"
     summary = read_json(folder / "status.json")["pretraining"]
+    assert summary["folder"] == str(folder / "pretraining")
 
-    def build(config):
+    def make(config, env):
         assert not isinstance(config.env, SingleStateConfig), "there is nothing to pre-train"
-        return fake_learner.build(config)
+        return make_table(config, env)
 
-    assert run.main(["--resume", str(folder), "--frames", "300"], build=build) == 0
+    monkeypatch.setattr(experiment, "make_table", make)
+    assert resume(folder, "--frames", "300") == 0
     assert read_json(folder / "status.json")["pretraining"] == summary

@@ -7,28 +7,41 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from t2tl_jax.runs.build import build
 
+import t2tl_jax
 from envs.single_state import SingleStateConfig
 from experiments import methods, pretrain, run
-from experiments.configs import CONFIGS, PRETRAINING, Config
+from t2tl_jax import registry
 from t2tl_jax.errors import UserError
-from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.registry import make_env, named_config
+from t2tl_jax.runs import experiment as experiments_of
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import pretraining, stored_params, training_run
+from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.convergence import ConvergenceConfig
-from t2tl_jax.runs.metrics_file import FIXED_COLUMNS
+from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
 
-ENCODER = ("--network.task-encoder", "gru", "--network.gru.width", "8", "--network.gru.output", "4")
+ENCODER = (
+    *("--learner.network.task-encoder", "gru"),
+    *("--learner.network.task-encoder.width", "8", "--learner.network.task-encoder.output", "4"),
+)
 QUIET = ("--run.progress", "False", "--run.gif", "False")
+SIZES = {"num_envs": 8, "unroll_length": 16, "minibatch_size": 64, "epochs": 1}
 SMALL = (
     *(*ENCODER, *QUIET, "--run.evaluation-episodes", "0"),
-    *("--ppo.num-envs", "8", "--ppo.rollout-steps", "16", "--ppo.minibatch-size", "64", "--ppo.epochs", "1"),
+    *(word for name, size in SIZES.items() for word in (f"--learner.{name}", str(size))),
     *("--pool.size", "4", "--pool.rows", "32", "--pool.length", "14", "--pool.period", "2"),
     *("--convergence.window", "0", "--episode-length", "20"),
 )
+ZONE, SCHEDULE = named_config("zone_ppo"), named_config("pretrain_zone")
+
+
+def changed(config, **network):
+    """The configuration with other fields of its network."""
+    learner = dataclasses.replace(config.learner, network=dataclasses.replace(config.learner.network, **network))
+    return dataclasses.replace(config, learner=learner)
 
 
 @pytest.fixture
@@ -45,13 +58,12 @@ def command(tmp_path):
     return train
 
 
-UNMASKED = NetworkConfig(transformer=TransformerConfig(masked=False))
+UNMASKED = {"task_encoder": TransformerConfig(masked=False)}
 """The Transformer reads padding as well."""
 
 
 def encoder_of(folder: Path, which="best"):
-    opened, config = run_folder.open_existing(folder)
-    return stored_params.restore(opened, config, build(config), which)[1]["params"]["task_encoder"]
+    return t2tl_jax.load(folder, checkpoint=which).params["params"]["task_encoder"]
 
 
 @pytest.mark.slow
@@ -70,15 +82,17 @@ def test_pools_change_and_a_resumed_run_meets_the_same_ones(command, capsys):
 
 @pytest.mark.slow
 def test_a_run_pretrains_for_itself_once_and_starts_with_that_encoder(command, monkeypatch, capsys, tmp_path):
-    ppo = dataclasses.replace(PRETRAINING.ppo, num_envs=8, rollout_steps=16, minibatch_size=64, epochs=1)
-    small = dataclasses.replace(PRETRAINING, ppo=ppo, frames=384, convergence=ConvergenceConfig())
-    monkeypatch.setattr(pretraining, "PRETRAINING", small)
+    learner = dataclasses.replace(SCHEDULE.learner, **SIZES)
+    small = dataclasses.replace(SCHEDULE, learner=learner, frames=384, convergence=ConvergenceConfig())
+    monkeypatch.setitem(registry._CONFIGS, "small_schedule", (small, "for this test"))
+    monkeypatch.setattr(pretraining, "SCHEDULE", "small_schedule")
     flags = ("--task", "F(Red & F Black)", "--pretrained", "auto:F(Red & F White)", "--seeds", "2")
-    freeze = ("--network.freeze-task-encoder", "True")
+    freeze = ("--learner.network.freeze-task-encoder", "True")
     folder = command(*flags, *freeze, "--frames", "256")
     said = capsys.readouterr().out
-    assert "before pre-training on F(Red & F White), at most 384 frames per seed" in said
-    assert "pre-training before that: 384 frames per seed on F(Red & F White)" in said
+    assert "before pre-training of the task encoder, counted apart" in said
+    assert "task   F(Red & F White)\nplan   384 frames per seed" in said
+    assert "pre-trained: 384 frames per seed on F(Red & F White)" in said
     inner = folder / "pretraining"
     jax.tree.map(np.testing.assert_array_equal, encoder_of(folder, "latest"), encoder_of(inner))  # frozen since
     status = json.loads((folder / "status.json").read_text())
@@ -102,117 +116,135 @@ def test_a_run_pretrains_for_itself_once_and_starts_with_that_encoder(command, m
 def stored(tmp_path):
     """The folder of a pre-training run, of which only the configuration is there."""
 
-    def store(**changes) -> str:
-        config = dataclasses.replace(PRETRAINING, **changes)
-        return str(run_folder.create(tmp_path, "pretrain_zone", config, {}).path)
+    def store(network=None, **changes) -> str:
+        config = dataclasses.replace(changed(SCHEDULE, **(network or {})), **changes)
+        return str(run_folder.create(tmp_path / "pretrain_zone", config, {}).path)
 
     return store
 
 
-@pytest.mark.parametrize(
-    ("pretrained", "later", "said"),
-    [
-        (
-            {"network": NetworkConfig(task_encoder="gru")},
-            {},
-            "of kind gru, and this run has transformer; set",
-        ),
-        ({}, {}, "holds no complete checkpoint"),
-        ({}, {"network": NetworkConfig(transformer=TransformerConfig(layers=2))}, "network.transformer.layers=2"),
-        ({"env": SingleStateConfig(("a", "b"))}, {}, "over a, b, in this order; this environment has Black, White"),
-        ({"seeds": "2"}, {"seeds": "3"}, "holds seeds 0, 1 and not 2"),
-        ({"network": UNMASKED}, {"network": UNMASKED}, r"40 in .*pretrain_zone.*, 8 in this run; set --task-length 40"),
-        ({"network": UNMASKED}, {"network": UNMASKED, "task_length": 40}, "no complete checkpoint"),
-        ({"network": UNMASKED}, {"network": UNMASKED, "task": "Sequence_2_3"}, "48 in this run; set --pool.length 40"),
-    ],
-)
-def test_encoders_that_do_not_fit_are_refused_before_anything_is_traced(stored, pretrained, later, said):
-    config = dataclasses.replace(Config(), pretrained=stored(**pretrained), **later)
+@pytest.fixture
+def no_trace(monkeypatch):
+    """Whatever is traced comes too late."""
 
-    def no_build(config):
+    def trace(*_, **__):
         raise AssertionError("too late")
 
+    monkeypatch.setattr(experiments_of, "trace", trace)
+
+
+READER = "learner.network.task_encoder"
+
+
+@pytest.mark.parametrize(
+    ("pretrained", "network", "later", "said"),
+    [
+        (
+            {"network": {"task_encoder": GRUConfig()}},
+            {},
+            {},
+            f"of kind gru, and this run has transformer; set --{READER.replace('_', '-')} gru",
+        ),
+        ({}, {}, {}, "holds no complete checkpoint"),
+        ({}, {"task_encoder": TransformerConfig(layers=2)}, {}, f"{READER}.layers=2"),
+        ({"env": SingleStateConfig(("a", "b")), "task": "F a"}, {}, {}, "over a, b, in this order; this environment"),
+        ({"seeds": "2"}, {}, {"seeds": "3"}, "holds seeds 0, 1 and not 2"),
+        ({"network": UNMASKED}, UNMASKED, {}, r"40 in .*pretrain_zone.*, 8 in this run; set --task-length 40"),
+        ({"network": UNMASKED}, UNMASKED, {"task_length": 40}, "no complete checkpoint"),
+        ({"network": UNMASKED}, UNMASKED, {"task": "Sequence_2_3"}, "48 in this run; set --pool.length 40"),
+    ],
+)
+def test_encoders_that_do_not_fit_are_refused_before_anything_is_traced(
+    stored, no_trace, tmp_path, pretrained, network, later, said
+):
+    config = dataclasses.replace(changed(ZONE, **network), pretrained=stored(**pretrained), **later)
     with pytest.raises(UserError, match=said):
-        training_run._prepare(config, no_build)
+        t2tl_jax.train(config, folder=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_folder_that_is_no_run_and_a_code_without_parameters_are_refused(tmp_path):
     with pytest.raises(UserError, match="there is no folder"):
-        pretraining.open_fitting(dataclasses.replace(Config(), pretrained=str(tmp_path / "nothing")))
-    with pytest.raises(ValueError, match="a one-hot code has no parameters to pre-train"):
-        Config(network=NetworkConfig(task_encoder="one_hot"), pretrained="auto")
+        t2tl_jax.train("zone_ppo", pretrained=tmp_path / "nothing")
+    with pytest.raises(ValueError, match="a code without parameters cannot be pre-trained"):
+        changed(ZONE, task_encoder=OneHotConfig())
+
+
+def matching(config):
+    return pretraining.matching(config, make_env(config.env))
 
 
 @pytest.mark.parametrize("name", ["zone_ppo", "waterworld_dqn"])
 def test_the_matching_pretraining_has_the_same_encoder_and_propositions(name):
-    later = dataclasses.replace(CONFIGS[name][0], pretrained="auto", seeds="3,4")
-    first = pretraining.matching(later)
+    later = dataclasses.replace(named_config(name), pretrained="auto", seeds="3,4")
+    first = matching(later)
     assert first.task == "Eventually_1_5_1_4" and first.seeds == "3,4"
-    assert first.network.task_encoder == later.network.task_encoder
-    assert (first.network.transformer, first.network.rgcn) == (later.network.transformer, later.network.rgcn)
-    assert pretraining._propositions(first) == pretraining._propositions(later)
-    assert pretraining.matching(dataclasses.replace(later, pretrained="auto:phi_zone")).task == "phi_zone"
-    assert pretraining.matching(dataclasses.replace(later, pretrained="auto:own", task="F Red")).task == "F Red"
-    assert not first.network.freeze_task_encoder  # whatever `later` does with what comes of it
+    assert first.learner.task_encoder == later.learner.task_encoder
+    assert make_env(first.env).propositions == make_env(later.env).propositions
+    assert matching(dataclasses.replace(later, pretrained="auto:phi_zone")).task == "phi_zone"
+    assert matching(dataclasses.replace(later, pretrained="auto:own", task="F Red")).task == "F Red"
+    assert not first.learner.freezes_task_encoder  # whatever `later` does with what comes of it
 
 
 def test_an_encoder_that_reads_padding_is_pretrained_on_as_much_of_it():
-    published = CONFIGS["zone_ppo_published"][0]
+    published = named_config("zone_ppo_published")
     assert published.task_length == 25
-    first = pretraining.matching(published)
-    assert (first.task, first.task_length, first.pool) == ("phi_zone", 25, PRETRAINING.pool)
-    on_a_family = pretraining.matching(dataclasses.replace(published, pretrained="auto"))
+    first = matching(published)
+    assert (first.task, first.task_length, first.pool) == ("phi_zone", 25, SCHEDULE.pool)
+    on_a_family = matching(dataclasses.replace(published, pretrained="auto"))
     assert (on_a_family.task_length, on_a_family.pool.length) == (0, 25)
     for config in (published, dataclasses.replace(published, task="Sequence_2_3", task_length=0)):
-        pretraining.check_padding(pretraining.matching(config), config, "its pre-training")
-    masked = dataclasses.replace(published, network=NetworkConfig())
-    assert pretraining.matching(masked).task_length == 0  # the length matters to nobody, and may be too small there
+        pretraining.check(experiments_of.build(config), None)
+    masked = changed(published, task_encoder=TransformerConfig())
+    assert matching(masked).task_length == 0  # the length matters to nobody, and may be too small there
 
 
-def test_a_pretraining_of_its_own_with_other_padding_is_refused():
-    config = Config(network=UNMASKED, pretrained="auto")
+def test_a_pretraining_of_its_own_with_other_padding_is_refused(no_trace):
+    config = dataclasses.replace(changed(ZONE, **UNMASKED), pretrained="auto")
     with pytest.raises(UserError, match="40 in the pre-training on Eventually_1_5_1_4, 8 in this run"):
-        training_run._prepare(config, lambda config: None)
+        t2tl_jax.train(config)
 
 
 def test_a_frozen_encoder_has_to_be_pretrained():
     with pytest.raises(ValueError, match="never learns anything"):
-        dataclasses.replace(CONFIGS["waterworld_dqn"][0], pretrained="")
-    assert methods.apply(CONFIGS["waterworld_dqn"][0], "rm").pretrained == ""  # one-hot codes have nothing to learn
+        dataclasses.replace(named_config("waterworld_dqn"), pretrained="")
+    assert methods.apply(named_config("waterworld_dqn"), "rm").pretrained == ""  # one-hot codes have nothing to learn
 
 
 @pytest.mark.parametrize(
     ("name", "changes", "said"),
     [
-        (
-            "zone_ppo_closed_form",
-            {"network": NetworkConfig(task_encoder="one_hot"), "pretrained": ""},
-            "one-hot code says nothing",
-        ),
+        ("zone_ppo_closed_form", {"task_encoder": OneHotConfig()}, "one-hot code says nothing"),
         ("zone_ppo_closed_form", {"task_length": 10}, "leave task_length at 0"),
         ("zone_ppo_closed_form", {"task": "Until_1_3_1_2"}, "needs at least 12 propositions"),
         ("zone_ppo_closed_form", {"task": "Untl_1_2_1_1"}, "did you mean"),
         ("waterworld_dqn", {}, "train families with ppo"),
     ],
 )
-def test_families_that_cannot_be_trained_are_explained(name, changes, said):
-    config = dataclasses.replace(CONFIGS[name][0], **{"task": "Until_1_2_1_1", **changes})
+def test_families_that_cannot_be_trained_are_explained(no_trace, name, changes, said):
+    config = named_config(name)
+    if "task_encoder" in changes:
+        config = changed(dataclasses.replace(config, pretrained=""), task_encoder=changes["task_encoder"])
+        changes = {}
     with pytest.raises(UserError, match=said):
-        training_run._prepare(config, build)
+        t2tl_jax.train(config, **{"task": "Until_1_2_1_1", **changes})
 
 
 @pytest.mark.parametrize(
     ("metrics", "returns", "words"),
     [
         (None, [None, None], "discounted return -, length -"),
-        ("1,10,0,1,1,0,0,0.5,5,5\n1,10,1,0,,,,,,\n", [0.5, None], "discounted return 0.500, length 5.00"),
+        ("1,10,0,1,1,0,0,0,0.5,5,5\n1,10,1,0,,,,,,,\n", [0.5, None], "discounted return 0.500, length 5.00"),
     ],
 )
 def test_how_a_pretraining_ended_need_not_be_known(stored, metrics, returns, words):
     folder, config = run_folder.open_existing(Path(stored(seeds="2")))
+    curves = {}
     if metrics is not None:
         folder.metrics.write_text(",".join(FIXED_COLUMNS) + "\n" + metrics)
-    summary = pretraining.summary(folder, config)
+        curves = history(folder.metrics)
+    result = t2tl_jax.Result(experiments_of.build(config), {}, curves, iteration=1, folder=folder.path)
+    summary = pretraining.summary(result)
     run_folder.write_json(folder.status, summary)
     assert json.loads(folder.status.read_text())["discounted_return"] == returns
     assert pretraining.in_words(summary).endswith(words)
@@ -226,5 +258,6 @@ def test_names_without_their_prefix(capsys):
 
 
 def test_published_encoder_sizes_are_those_of_pretraining():
-    assert CONFIGS["pretrain_water"][0].network.transformer == CONFIGS["waterworld_dqn"][0].network.transformer
-    assert GRUConfig() == PRETRAINING.network.gru
+    water = named_config("waterworld_dqn").learner.task_encoder
+    assert named_config("pretrain_water").learner.task_encoder == water
+    assert SCHEDULE.learner.task_encoder == ZONE.learner.task_encoder

@@ -7,7 +7,7 @@ import pytest
 
 from t2tl_jax.quiet import NOISE, quiet_imports
 
-TOOLS = ("benchmark_env", "benchmark_ltl")
+TOOLS = ("pretrain", "attention", "benchmarks.env", "benchmarks.ltl", "paper.water_scores")
 
 
 def test_only_the_known_lines_are_dropped(capsys):

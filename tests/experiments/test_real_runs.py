@@ -8,75 +8,86 @@ import chex
 import jax
 import numpy as np
 import pytest
-from t2tl_jax.runs.build import build
 
 from envs.zones import ZoneConfig
 from experiments import attention, compare, evaluate, methods, run
-from experiments.configs import CONFIGS, PoolConfig
+from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.registry import configs, named_config
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.checkpoints import Checkpoints
-from t2tl_jax.training.program import trace
+from t2tl_jax.runs.config import PoolConfig
+from t2tl_jax.runs.experiment import build
 from t2tl_jax.training.seeds import place
 
 pytestmark = pytest.mark.slow
 
-SMALL = ("--network.transformer.layers", "1", "--episode-length", "40", "--run.progress", "False")
+SMALL = ("--learner.network.task-encoder.layers", "1", "--episode-length", "40", "--run.progress", "False")
 # Schedules over the length of the run are off: a run that is made longer would have had others.
 SMALL_LEARNER = {
     "zone_ppo_closed_form": (
-        *("--ppo.num-envs", "8", "--ppo.rollout-steps", "32", "--ppo.minibatch-size", "128", "--ppo.epochs", "2"),
-        *("--ppo.noise-time", "0", "--network.context", "None", "--pretrained", ""),
+        *("--learner.num-envs", "8", "--learner.unroll-length", "32", "--learner.minibatch-size", "128"),
+        *("--learner.epochs", "2", "--learner.noise-time", "0", "--learner.network.context", "None"),
+        *("--pretrained", ""),
     ),
     "waterworld_dqn": (
-        *("--dqn.num-envs", "8", "--dqn.steps-per-iteration", "32", "--dqn.batch-size", "16"),
-        *("--dqn.buffer-size", "512", "--dqn.learning-starts", "64", "--dqn.epsilon-start", "0.02"),
-        *("--dqn.anneal-learning-rate", "False"),
-        *("--network.state-layers", "16", "--network.task-layer", "16"),
-        *("--pretrained", "", "--network.freeze-task-encoder", "False"),
+        *("--learner.num-envs", "8", "--learner.unroll-length", "32", "--learner.batch-size", "16"),
+        *("--learner.buffer-size", "512", "--learner.learning-starts", "64", "--learner.epsilon-start", "0.02"),
+        *("--learner.anneal-learning-rate", "False"),
+        *("--learner.network.state-layers", "16", "--learner.network.task-layer", "16"),
+        *("--pretrained", "", "--learner.network.freeze-task-encoder", "False"),
     ),
 }
 OTHER_TASK = {
-    "zone_ppo_closed_form": ("--task", "F(Red & F White)"),  # other physics in `test_runs.py`
+    "zone_ppo_closed_form": ("--task", "F(Red & F White)"),  # other physics in `tests/runs/test_run_of_0_1.py`
     "waterworld_dqn": ("--task", "F(Yellow & F Purple)"),
 }
+SHIPPED = [name for name in configs() if "fake" not in name]
 
 
 def reduced(name: str, method: str = ""):
-    config = methods.apply(CONFIGS[name][0], method) if method else CONFIGS[name][0]
-    transformer: TransformerConfig = dataclasses.replace(config.network.transformer, layers=1)
-    network = dataclasses.replace(config.network, transformer=transformer)
+    config = methods.apply(named_config(name), method) if method else named_config(name)
+    network = config.learner.network
+    if isinstance(network.task_encoder, TransformerConfig):
+        network = dataclasses.replace(network, task_encoder=dataclasses.replace(network.task_encoder, layers=1))
     if network.context is not None:
         shallow = dataclasses.replace(network.context.transformer, layers=1 + network.context.halved)
-        network = dataclasses.replace(network, context=dataclasses.replace(network.context, transformer=shallow))
+        context = dataclasses.replace(network.context, transformer=shallow, segment_length=1)
+        network = dataclasses.replace(network, context=context)
     env = dataclasses.replace(config.env, pool_size=8) if hasattr(config.env, "pool_size") else config.env
     if network.context is not None and isinstance(env, ZoneConfig):
         env = dataclasses.replace(env, physics="closed_form")  # compiles faster where the networks are what differs
+    if isinstance(config.learner, DQNConfig):
+        sizes = {"num_envs": 4, "unroll_length": 8, "batch_size": 16, "buffer_size": 48, "learning_starts": 8}
+    else:
+        sizes = {"num_envs": 4, "unroll_length": 8, "minibatch_size": 16, "epochs": 1}
+    learner = dataclasses.replace(config.learner, network=network, **sizes)
     pool = PoolConfig(size=4, rows=64, length=48)
-    config = dataclasses.replace(config, network=network, env=env, pool=pool, frames=64, episode_length=10, seeds="1")
-    if config.dqn is not None:
-        sizes = {"num_envs": 4, "steps_per_iteration": 8, "batch_size": 16, "buffer_size": 48, "learning_starts": 8}
-        return dataclasses.replace(config, dqn=dataclasses.replace(config.dqn, **sizes))
-    sizes = {"num_envs": 4, "rollout_steps": 8, "minibatch_size": 16, "epochs": 1}
-    return dataclasses.replace(config, ppo=dataclasses.replace(config.ppo, **sizes))
+    return dataclasses.replace(config, learner=learner, env=env, pool=pool, frames=64, episode_length=10, seeds="1")
+
+
+def of_seeds(config, seeds):
+    """The program of the configuration for these seeds."""
+    return build(dataclasses.replace(config, seeds=",".join(map(str, seeds)) + ",")).program
 
 
 def iterate_once(config, seeds):
-    program = trace(build(config).agent, seeds)
-    state = program.lowered_init.compile()(program.keys)
-    return program.lowered_iterate.compile()(state)
+    program = of_seeds(config, seeds)
+    state = program.lowered_init.compile()(program.keys, program.env_params)
+    return program.lowered_iterate.compile()(state, program.env_params)
 
 
 OTHER_NETWORKS = itertools.product(("zone_ppo_closed_form", "waterworld_dqn"), ("gnn", "dfa_cont"))
 
 
-@pytest.mark.parametrize(("name", "method"), [*((name, "") for name in CONFIGS), *OTHER_NETWORKS])
+@pytest.mark.parametrize(("name", "method"), [*((name, "") for name in SHIPPED), *OTHER_NETWORKS])
 def test_every_config_is_sound(name, method):
     """Traced, which runs everything but the arithmetic: shapes and dtypes fit, and an iteration keeps the state's."""
-    agent = build(reduced(name, method)).agent
-    state = jax.eval_shape(agent.init, jax.eval_shape(jax.random.key, 0))
-    after, _ = jax.eval_shape(agent.iterate, state)
+    experiment = build(reduced(name, method))
+    agent, env_params = experiment.agent, experiment.task_env.make_params(1)
+    state = jax.eval_shape(agent.init, jax.eval_shape(jax.random.key, 0), env_params)
+    after, _ = jax.eval_shape(agent.iterate, state, env_params)
     chex.assert_trees_all_equal_shapes_and_dtypes(state, after)
 
 
@@ -88,7 +99,7 @@ def test_configs_train_one_iteration(name):
     config = reduced(name)
     if isinstance(config.env, ZoneConfig):
         config = dataclasses.replace(config, env=dataclasses.replace(config.env, physics="mjx"))
-    state, metrics = iterate_once(config, (0,))
+    state, metrics = iterate_once(config, (1,))
     assert all(np.isfinite(value).all() for value in metrics.scalars.values())
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(state.params))
 
@@ -101,8 +112,8 @@ def one_step_of_ppo():
     is zero but for rounding moves a parameter by a whole learning rate. What remains is the learner itself.
     """
     config = reduced("zone_ppo_closed_form", "dfa")  # other networks in `tests/agents`
-    ppo = dataclasses.replace(config.ppo, num_envs=16, rollout_steps=1, minibatch_size=8, epochs=2, adam_epsilon=1e-2)
-    return dataclasses.replace(config, ppo=ppo)
+    sizes = {"num_envs": 16, "unroll_length": 1, "minibatch_size": 8, "epochs": 2}
+    return dataclasses.replace(config, learner=dataclasses.replace(config.learner, **sizes, adam_epsilon=1e-2))
 
 
 def test_vmapped_seeds_equal_single_seeds():
@@ -127,14 +138,14 @@ def test_a_checkpoint_holds_everything(config, tmp_path):
 
     Of windows see `tests/agents/test_ppo_context.py`.
     """
-    program = trace(build(config).agent, (0, 3, 7))  # compiled for the test of seeds too
-    iterate = program.lowered_iterate.compile()
-    state, _ = iterate(program.lowered_init.compile()(program.keys))
+    program = of_seeds(config, (0, 3, 7))  # compiled for the test of seeds too
+    env_params, iterate = program.env_params, program.lowered_iterate.compile()
+    state, _ = iterate(program.lowered_init.compile()(program.keys, env_params), env_params)
     with Checkpoints(tmp_path) as checkpoints:
         checkpoints.save(1, state, {})
-        straight, metrics = iterate(state)
+        straight, metrics = iterate(state, env_params)
         iteration, restored = checkpoints.restore(program.state)
-    resumed, same_metrics = iterate(place(restored, program.sharding))
+    resumed, same_metrics = iterate(place(restored, program.sharding), env_params)
     assert iteration == 1
     jax.tree.map(np.testing.assert_array_equal, bits(straight), bits(resumed))
     jax.tree.map(np.testing.assert_array_equal, metrics, same_metrics)
@@ -190,19 +201,18 @@ def can_be_read(folder):
 
 
 def test_only_zones_have_a_choice_of_physics(tmp_path, capsys):
-    folder = run_folder.create(tmp_path, "waterworld_dqn", CONFIGS["waterworld_dqn"][0], {})
+    folder = run_folder.create(tmp_path / "waterworld_dqn", named_config("waterworld_dqn"), {})
     assert evaluate.main([str(folder.path), "--physics", "mjx"]) == 2
-    assert "WaterWorld has only one" in capsys.readouterr().err
+    assert "this run's environment has no such choice" in capsys.readouterr().err
 
 
 def test_dqn_refuses_continuous_actions():
-    water = CONFIGS["waterworld_dqn"][0]
+    water = named_config("waterworld_dqn")
     with pytest.raises(UserError, match="needs discrete actions"):
-        build(dataclasses.replace(water, env=CONFIGS["zone_ppo"][0].env, task="phi_zone"))
+        build(dataclasses.replace(water, env=named_config("zone_ppo").env, task="phi_zone"))
 
 
 def test_ppo_trains_where_actions_are_discrete():
-    zone = reduced("zone_ppo")
-    water = dataclasses.replace(reduced("waterworld_dqn"), network=zone.network, ppo=zone.ppo, dqn=None)
-    state = trace(build(water).agent, (0,)).state  # tracing runs everything but the arithmetic
+    water = dataclasses.replace(reduced("waterworld_dqn"), learner=reduced("zone_ppo").learner)
+    state = of_seeds(water, (1,)).state  # tracing runs everything but the arithmetic
     assert state.params["params"]["actor"]["logits"]["kernel"].shape == (1, 64, 5) and state.noise is None

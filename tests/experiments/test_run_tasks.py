@@ -3,12 +3,11 @@
 import dataclasses
 
 import pytest
-from t2tl_jax.runs.build import make_table
 
-from envs import registry
 from experiments import evaluate, run
-from experiments.configs import CONFIGS
 from t2tl_jax.ltl import PAPER_TASKS
+from t2tl_jax.registry import configs, make_env
+from t2tl_jax.runs.pools import make_table
 
 
 @pytest.mark.parametrize(
@@ -22,7 +21,8 @@ from t2tl_jax.ltl import PAPER_TASKS
 )
 def test_tasks_that_are_decided_from_the_start_are_refused(name, task, said, capsys, tmp_path):
     flags = ["--config", name, "--run.folder", str(tmp_path / "runs"), "--run.compilation-cache", ""]
-    assert run.main([*flags, "--pretrained", "", "--network.freeze-task-encoder", "False", "--task", task]) == 2
+    flags += ["--pretrained", "", "--learner.network.freeze-task-encoder", "False"]
+    assert run.main([*flags, "--task", task]) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
 
@@ -33,10 +33,10 @@ def test_evaluation_refuses_them_too(finished, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "config"), [(name, config) for name, (config, _) in CONFIGS.items()])
+@pytest.mark.parametrize(("name", "config"), [(name, config) for name, (config, _) in configs().items()])
 def test_named_tasks_are_open(name, config):
     water = "water" in name
     named = [task for task in PAPER_TASKS if task.startswith("phi_water") == water and not name.startswith("rm")]
     for task in (config.task, *named):
-        table = make_table(dataclasses.replace(config, task=task, task_length=0), registry.make(config.env))
+        table = make_table(dataclasses.replace(config, task=task, task_length=0), make_env(config.env))
         assert not table.verdict[table.initial_row].any()

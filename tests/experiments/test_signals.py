@@ -9,14 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from t2tl_jax.runs import pretraining
+
 pytestmark = pytest.mark.slow  # every test waits for a process that loads JAX
 
-HERE = Path(__file__).parent
+ROOT = Path(__file__).parents[2]
 
 
 def start(folder: Path, frames: str, pretrained: str = "", **delays: str) -> subprocess.Popen:
-    flags = ["--config", "zone_ppo", "--run.folder", str(folder), "--pretrained", pretrained, "--frames", frames]
-    return command(*flags, "--run.compilation-cache", "", "--episode-length", "5", **delays)
+    flags = ["--config", "fake", "--run.folder", str(folder), "--pretrained", pretrained, "--frames", frames]
+    return command(*flags, "--run.progress", "True", **delays)
 
 
 def go_on(run: Path, **delays: str) -> subprocess.Popen:
@@ -25,7 +27,8 @@ def go_on(run: Path, **delays: str) -> subprocess.Popen:
 
 def command(*flags: str, **delays: str) -> subprocess.Popen:
     return subprocess.Popen(
-        [sys.executable, str(HERE / "fake_learner.py"), *flags],
+        [sys.executable, "-m", "experiments.run", "--import", "tests.fake_pretraining", *flags],
+        cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -50,7 +53,7 @@ def finish(process: subprocess.Popen) -> str:
 
 
 def iterations(folder: Path) -> int:
-    (metrics,) = folder.glob("zone_ppo/*/metrics.csv")
+    (metrics,) = folder.glob("fake/*/metrics.csv")
     return len(metrics.read_text().splitlines()) - 1
 
 
@@ -64,7 +67,7 @@ def test_stop_during_training_saves_and_resumes_and_during_evaluation_keeps_the_
     assert "continue with --resume" in output
     done = iterations(tmp_path)
     assert 0 < done < 15
-    (run,) = (tmp_path / "zone_ppo").iterdir()
+    (run,) = (tmp_path / "fake").iterdir()
     assert (run / "learning_curve.png").exists()
 
     process = go_on(run, FAKE_EVALUATION_SECONDS="30")
@@ -72,16 +75,17 @@ def test_stop_during_training_saves_and_resumes_and_during_evaluation_keeps_the_
     process.send_signal(signal.SIGTERM)
     output = finish(process)
     assert process.returncode == 0, output
-    assert "stopped while evaluating, with training complete; continue with --resume" in output
+    assert "stopped while evaluating and drawing, with training complete; continue with --resume" in output
     whole = train("--frames", "1500", "--run.evaluation-episodes", "0")
     assert (run / "metrics.csv").read_bytes() == (whole / "metrics.csv").read_bytes()
 
 
-def test_stop_during_automatic_pretraining_gives_one_hint_which_works(tmp_path, resume, read_json):
+def test_stop_during_automatic_pretraining_gives_one_hint_which_works(tmp_path, resume, read_json, monkeypatch):
     """Before it compiles, and after it has been resumed and is at work."""
+    monkeypatch.setattr(pretraining, "SCHEDULE", "pretrain_fake")
     process = start(tmp_path, "300", pretrained="auto", FAKE_SECONDS="0.05")
     stop_in_pretraining(process, tmp_path, "/pretraining\n")
-    (run,) = (tmp_path / "zone_ppo").iterdir()
+    (run,) = (tmp_path / "fake").iterdir()
     stop_in_pretraining(go_on(run, FAKE_SECONDS="0.05"), tmp_path, "training:")
     assert resume(run, "--run.progress", "False", "--run.evaluation-episodes", "0") == 0
     assert read_json(run / "status.json")["iteration"] == 3
@@ -94,7 +98,7 @@ def stop_in_pretraining(process: subprocess.Popen, base: Path, moment: str) -> N
     process.send_signal(signal.SIGINT)
     output = seen + finish(process)
     assert process.returncode == 0, output
-    (run,) = (base / "zone_ppo").iterdir()
+    (run,) = (base / "fake").iterdir()
     assert "stopped during pre-training" in output
     assert output.count("--resume") == 1 and f"continue with --resume {run}\n" in output
 

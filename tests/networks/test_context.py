@@ -20,13 +20,14 @@ from t2tl_jax.networks.context import (
     empty_window,
     without_oldest,
 )
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.training.types import repeated
 
 SMALL = TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8)
 AS_PUBLISHED = TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True)
 PUBLISHED = NetworkConfig(
-    transformer=AS_PUBLISHED,
+    task_encoder=AS_PUBLISHED,
     observation="raw",
     value_scale=1.0,
     context=ContextConfig(
@@ -142,7 +143,7 @@ def test_empty_slots_never_matter_and_order_does_unless_as_published(published):
 @pytest.mark.parametrize("recompute", [True, False])
 def test_gradient_reaches_the_environment_encoder_through_the_window_iff_recomputed(recompute):
     context = ContextConfig(length=3, transformer=SMALL, recompute=recompute)
-    config = NetworkConfig(task_encoder="one_hot", env_layers=(6,), context=context)
+    config = NetworkConfig(task_encoder=OneHotConfig(), env_layers=(6,), context=context)
     network = ActorCritic(config, action_size=1)
     table = compile_tasks(["F a"], ("a",), "at_most_one")
     obs, row = jnp.ones((2, 4)), jnp.full(2, 2)

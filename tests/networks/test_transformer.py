@@ -41,7 +41,7 @@ def encode(config: TransformerConfig, tokens: list[list[int]], length: int) -> n
 
 def test_published_t1tl_has_243_925_parameters():
     table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one", length=25)
-    network = ActorCritic(NetworkConfig(transformer=PUBLISHED), action_size=2)
+    network = ActorCritic(NetworkConfig(task_encoder=PUBLISHED), action_size=2)
     init = partial(network.init, method="initialise")
     variables = jax.eval_shape(init, jax.random.key(0), table, jnp.zeros((1, 76)), jnp.zeros(1, jnp.int32))
     assert count(variables["params"]["task_encoder"]) == 202_640

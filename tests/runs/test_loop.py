@@ -11,9 +11,14 @@ def test_every_iteration_is_recorded_once_and_before_it_is_saved(monkeypatch, ba
     events: list[tuple[str, int]] = []
     dispatched = 0
 
-    def iterate(state):
+    def prepare(done, state):
+        assert done == state == 2 + dispatched
+        return state, f"parameters of iteration {done + 1}"
+
+    def iterate(state, env_params):
         nonlocal dispatched
         dispatched += 1
+        assert env_params == f"parameters of iteration {state + 1}"
         return state + 1, {"iteration": state + 1}
 
     def record(iteration, metrics):
@@ -25,7 +30,7 @@ def test_every_iteration_is_recorded_once_and_before_it_is_saved(monkeypatch, ba
         assert ("record", iteration) in events
         events.append(("save", iteration))
 
-    hooks = loop.Hooks(record, save, stop=lambda: stop_after is not None and dispatched >= stop_after)
+    hooks = loop.Hooks(record, save, lambda: stop_after is not None and dispatched >= stop_after, prepare)
     reached, state = loop.train(iterate, 2, 2, 7, period, hooks)
     expected = 7 if stop_after is None else 2 + stop_after
     assert reached == state == expected

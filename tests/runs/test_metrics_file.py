@@ -79,7 +79,11 @@ def test_columns_go_by_their_names(tmp_path):
     path = tmp_path / "metrics.csv"
     path.write_text("iteration,frames,seed,episodes,success_rate\n1,10,0,4,0.5\n")
     assert {name: x.tolist() for name, x in read_columns(path).items()} == {
-        "iteration": [1], "frames": [10], "seed": [0], "episodes": [4], "success_rate": [0.5]
+        "iteration": [1],
+        "frames": [10],
+        "seed": [0],
+        "episodes": [4],
+        "success_rate": [0.5],
     }
     path.write_text("seed,new,frames,iteration\n7,0.25,10,1\n7,0.5,20,2\n")
     columns = read_columns(path)

@@ -2,21 +2,26 @@
 
 import dataclasses
 
-import fake_learner
 import jax
 import numpy as np
 import pytest
 
-from envs import registry
+import t2tl_jax
 from envs.single_state import SingleStateConfig
 from experiments import run
-from experiments.configs import PRETRAINING, Config, PoolConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import TooLargeError, compile_pool
-from t2tl_jax.runs import build, training_run
+from t2tl_jax.registry import make_env, named_config
+from t2tl_jax.runs import pools as run_pools
+from t2tl_jax.runs import pretraining
+from t2tl_jax.runs.config import PoolConfig
+from t2tl_jax.runs.pools import make_pools
+from tests import fake_learner
 
-ENV = registry.make(SingleStateConfig())
-CONFIG = dataclasses.replace(PRETRAINING, task="Until_1_2_1_1", pool=PoolConfig(size=2, rows=16, length=14))
+ENV = make_env(SingleStateConfig())
+CONFIG = dataclasses.replace(
+    named_config("pretrain_zone"), task="Until_1_2_1_1", pool=PoolConfig(size=2, rows=16, length=14)
+)
 
 
 def drawn(which: str):
@@ -42,7 +47,7 @@ def unlucky(monkeypatch):
                 raise TooLargeError("1 of 2 formulas were found")
             return compile_pool(family, propositions, alphabet, seed, **caps)
 
-        monkeypatch.setattr(build, "compile_pool", compile_or_fail)
+        monkeypatch.setattr(run_pools, "compile_pool", compile_or_fail)
         return draws
 
     return fail
@@ -50,7 +55,7 @@ def unlucky(monkeypatch):
 
 def test_pools_that_fit_are_those_of_their_number_and_the_first_is_drawn_once(unlucky):
     draws = unlucky(lambda name: False)
-    pools = build.make_pools(CONFIG, ENV)
+    pools = make_pools(CONFIG, ENV)
     for number in (0, 1, 2, 0):
         assert_equal(pools(number), drawn(str(number)))
     assert draws == ["0", "1", "2"]
@@ -58,29 +63,28 @@ def test_pools_that_fit_are_those_of_their_number_and_the_first_is_drawn_once(un
 
 def test_a_pool_that_does_not_fit_is_drawn_again_the_same_way_every_time(unlucky):
     draws = unlucky(lambda name: name in ("3", "3 again 1"))
-    assert_equal(build.make_pools(CONFIG, ENV)(3), drawn("3 again 2"))
+    assert_equal(make_pools(CONFIG, ENV)(3), drawn("3 again 2"))
     assert draws == ["3", "3 again 1", "3 again 2"]
-    assert_equal(build.make_pools(CONFIG, ENV)(3), drawn("3 again 2"))  # as after a resume
+    assert_equal(make_pools(CONFIG, ENV)(3), drawn("3 again 2"))  # as after a resume
 
 
 def test_after_many_draws_the_first_pool_comes_again(unlucky):
     draws = unlucky(lambda name: name.startswith("3"))
-    assert_equal(build.make_pools(CONFIG, ENV)(3), drawn("0"))
-    assert len(draws) == build.DRAWS_PER_POOL + 1
+    assert_equal(make_pools(CONFIG, ENV)(3), drawn("0"))
+    assert len(draws) == run_pools.DRAWS_PER_POOL + 1
 
 
-def test_caps_too_small_for_the_first_pool_are_explained_before_anything_is_written(unlucky, tmp_path, capsys):
-    def with_pools(config: Config) -> build.Experiment:
-        agent = fake_learner.make_agent()._replace(renew=lambda state, table: state)
-        return dataclasses.replace(fake_learner.build(config), agent=agent, pools=build.make_pools(CONFIG, ENV))
-
+def test_caps_too_small_for_the_first_pool_are_explained_before_anything_is_written(
+    unlucky, tmp_path, capsys, monkeypatch
+):
     unlucky(lambda name: name == "0")
-    flags = ["--config", "pretrain_zone", "--run.folder", str(tmp_path / "runs"), "--run.compilation-cache", ""]
-    assert run.main(flags, build=with_pools) == 2
+    flags = ["--config", "pretrain_fake", "--run.folder", str(tmp_path / "runs"), "--pool.size", "2"]
+    assert run.main([*flags, "--task", "Until_1_2_1_1"]) == 2
     assert "1 of 2 formulas were found; the flags: --pool.length, --pool.rows, --pool.size" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
+    monkeypatch.setattr(pretraining, "SCHEDULE", "pretrain_fake")
     with pytest.raises(UserError, match="1 of 2 formulas"):
-        training_run._prepare(Config(pretrained="auto"), with_pools)
+        t2tl_jax.train(fake_learner.CONFIG, pretrained="auto")
 
 
 def test_caps_that_some_draws_miss_do_not_end_training():
@@ -89,8 +93,8 @@ def test_caps_that_some_draws_miss_do_not_end_training():
     config = dataclasses.replace(CONFIG, task="Sequence_3_3", pool=tight)
     with pytest.raises(TooLargeError):
         compile_pool("Sequence_3_3", ENV.propositions, ENV.alphabet, "0 1", size=4, rows=11, length=20)
-    pools = build.make_pools(config, ENV)
+    pools = make_pools(config, ENV)
     first, second = pools(0), pools(1)
     assert jax.tree.map(np.shape, first) == jax.tree.map(np.shape, second)
     assert not np.array_equal(first.tokens, second.tokens)
-    assert_equal(second, build.make_pools(config, ENV)(1))
+    assert_equal(second, make_pools(config, ENV)(1))

@@ -1,0 +1,30 @@
+"""What two configurations differ in: only settings that matter are named."""
+
+import dataclasses
+
+from experiments.methods import apply
+from t2tl_jax.registry import named_config
+from t2tl_jax.runs.differences import differences
+
+
+def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
+    base = named_config("zone_ppo")
+    learner, run = dataclasses.replace(base.learner, noise_time=0.0), dataclasses.replace(base.run, folder="x")
+    assert list(differences(base, dataclasses.replace(base, learner=learner, run=run))) == ["learner.noise_time=0.0"]
+
+
+def test_differences_between_kinds_are_those_from_the_defaults():
+    zone, water = named_config("zone_ppo"), apply(named_config("waterworld_dqn"), "rm")
+    water = dataclasses.replace(water, frames=zone.frames)
+    assert set(differences(zone, water)) == {
+        "env=WaterWorldConfig",
+        "env.layout=by_seed",
+        "learner=DQNConfig",
+        "learner.network.task_encoder=OneHotConfig",
+        "learner.network.head=bilinear",
+        "learner.network.task_layer=512",
+        "task=phi_water",
+        "pretrained=",
+        "episode_length=600",
+    }
+    assert {"env=ZoneConfig", "learner=PPOConfig"} <= set(differences(water, zone))
