@@ -38,11 +38,13 @@ def main(frames: int = 60_000, folder: str | None = None) -> t2tl_jax.Result:
     policy = run.policy(seed=0)
     print("the policy on the whole task:", env.propositions[int(policy(jnp.zeros(0), TASK))])
     state, row = env.reset(jax.random.key(0)), policy.row(TASK)
-    while not policy.table.verdict[row]:
+    for _ in range(5):
         action = policy(state.obs, row)
         state = env.step(state, action)
         row, reward = policy.table.step(row, policy.table.letter(env.labels(state)))
         print(f"did {env.propositions[int(action)]}, reward {reward:+.0f}, left to do: {policy.table.text(int(row))}")
+        if policy.table.verdict[row]:
+            break
     return run
 
 

@@ -1,0 +1,44 @@
+"""When a task counts as solved: by the whole curve and iteration by iteration alike."""
+
+import numpy as np
+import pytest
+
+from t2tl_jax.runs.solved import SolvedWatch, solved_since
+
+NAN = np.nan
+
+
+@pytest.mark.parametrize(
+    ("curve", "since"),
+    [
+        ([1.0] * 5, 1),
+        ([1.0] * 4, 0),  # too few to believe it
+        ([0.2, 0.96, 0.97, 1.0, 0.99, 0.96], 2),
+        ([0.2, 0.95, 1.0, 1.0, 1.0, 1.0, 1.0], 3),  # 95 % itself is not above it
+        ([1.0, 1.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0], 4),  # a relapse
+        ([1.0] * 6 + [0.9], 0),
+        ([NAN, 1.0, NAN, 1.0, 1.0, NAN, 1.0, 1.0], 2),  # no episode ended: neither counts nor breaks the series
+        ([NAN] * 8, 0),
+        ([], 0),
+    ],
+)
+def test_since_when(curve, since):
+    rates = np.array([curve, [0.0] * len(curve)])
+    assert solved_since(rates).tolist() == [since, 0]
+    watch = SolvedWatch(2)
+    for column in rates.T:
+        watch.add([{"success_rate": None if np.isnan(rate) else rate} for rate in column])
+    assert watch.since.tolist() == [since, 0] and not watch.all
+    assert SolvedWatch(2, rates).since.tolist() == [since, 0]
+    assert SolvedWatch(1, rates[:1]).all == (since > 0)
+
+
+def test_a_resumed_watch_goes_on_where_it_stood():
+    rates = np.random.default_rng(0).choice([0.9, 0.97, 1.0, NAN], p=[0.05, 0.45, 0.4, 0.1], size=(50, 40))
+    whole = SolvedWatch(50, rates)
+    half = SolvedWatch(50, rates[:, :17])
+    for column in rates[:, 17:].T:
+        half.add([{"success_rate": None if np.isnan(rate) else rate} for rate in column])
+    np.testing.assert_array_equal(half.since, whole.since)
+    np.testing.assert_array_equal(whole.since, solved_since(rates))
+    assert 0 < (whole.since > 0).sum() < 50
