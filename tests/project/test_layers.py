@@ -17,7 +17,7 @@ LTL_BASICS = {
     f"t2tl_jax.ltl.{name}" for name in ("errors", "formula", "co_safety", "parser", "reward_machine", "tokens")
 }
 # What every part may import: these know nothing of the others.
-FOR_EVERYONE = {f"t2tl_jax.{name}" for name in ("checks", "names", "errors", "registry")}
+FOR_EVERYONE = {f"t2tl_jax.{name}" for name in ("checks", "names", "errors", "quiet", "registry")}
 # What an environment needs of the library: its interface. It knows no temporal logic.
 INTERFACE = {"t2tl_jax.env", "t2tl_jax.view"}
 WORLD = {"t2tl_jax.ltl", "t2tl_jax.task_env"}
@@ -145,6 +145,7 @@ def test_the_face_names_what_is_there_and_loads_nothing_by_itself():
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("t2tl_jax")
         for alias in node.names
     }
+    assert shown.pop("quiet_imports") == "t2tl_jax.quiet"  # which is loaded at once, and loads nothing itself
     assert shown == {name: f"t2tl_jax.{home}" for name, home in t2tl_jax._HOME.items()}
     assert all(getattr(t2tl_jax, name) is not None for name in t2tl_jax.__all__)
     check = "import sys, t2tl_jax; print(sorted({'jax', 'mujoco', 'flax', 'numpy'} & set(sys.modules)))"

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from t2tl_jax.runs.solved import SolvedWatch, solved_since
+from t2tl_jax import Config, EnvConfig, PPOConfig
+from t2tl_jax.runs.solved import SolvedWatch, solved_since, window
 
 NAN = np.nan
 
@@ -24,21 +25,28 @@ NAN = np.nan
 )
 def test_since_when(curve, since):
     rates = np.array([curve, [0.0] * len(curve)])
-    assert solved_since(rates).tolist() == [since, 0]
-    watch = SolvedWatch(2)
+    assert solved_since(rates, 5).tolist() == [since, 0]
+    watch = SolvedWatch(2, 5)
     for column in rates.T:
         watch.add([{"success_rate": None if np.isnan(rate) else rate} for rate in column])
     assert watch.since.tolist() == [since, 0] and not watch.all
-    assert SolvedWatch(2, rates).since.tolist() == [since, 0]
-    assert SolvedWatch(1, rates[:1]).all == (since > 0)
+    assert SolvedWatch(2, 5, rates).since.tolist() == [since, 0]
+    assert SolvedWatch(1, 5, rates[:1]).all == (since > 0)
 
 
 def test_a_resumed_watch_goes_on_where_it_stood():
     rates = np.random.default_rng(0).choice([0.9, 0.97, 1.0, NAN], p=[0.05, 0.45, 0.4, 0.1], size=(50, 40))
-    whole = SolvedWatch(50, rates)
-    half = SolvedWatch(50, rates[:, :17])
+    whole = SolvedWatch(50, 5, rates)
+    half = SolvedWatch(50, 5, rates[:, :17])
     for column in rates[:, 17:].T:
         half.add([{"success_rate": None if np.isnan(rate) else rate} for rate in column])
     np.testing.assert_array_equal(half.since, whole.since)
-    np.testing.assert_array_equal(whole.since, solved_since(rates))
+    np.testing.assert_array_equal(whole.since, solved_since(rates, 5))
     assert 0 < (whole.since > 0).sum() < 50
+
+
+@pytest.mark.parametrize(("episode_length", "iterations"), [(10, 5), (320, 5), (321, 6), (1000, 16)])
+def test_the_window_is_as_long_as_an_episode_can_be(episode_length, iterations):
+    learner = PPOConfig(unroll_length=64)
+    config = Config(env=EnvConfig(), task="F a", learner=learner, episode_length=episode_length)
+    assert window(config) == iterations
