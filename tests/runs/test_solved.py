@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from t2tl_jax.registry import named_config
+from t2tl_jax import Config, EnvConfig, PPOConfig
 from t2tl_jax.runs.solved import SolvedWatch, solved_since, window
 
 NAN = np.nan
@@ -45,8 +45,8 @@ def test_a_resumed_watch_goes_on_where_it_stood():
     assert 0 < (whole.since > 0).sum() < 50
 
 
-def test_the_window_is_as_long_as_the_time_limit():
-    """Robots that stand still end no episode before it: a shorter one would not see them."""
-    short = named_config("zone_ppo")
-    assert window(short) * short.learner.unroll_length >= short.episode_length > 5 * short.learner.unroll_length
-    assert window(named_config("rm_water_crm")) == 5
+@pytest.mark.parametrize(("episode_length", "iterations"), [(10, 5), (320, 5), (321, 6), (1000, 16)])
+def test_the_window_is_as_long_as_an_episode_can_be(episode_length, iterations):
+    learner = PPOConfig(unroll_length=64)
+    config = Config(env=EnvConfig(), task="F a", learner=learner, episode_length=episode_length)
+    assert window(config) == iterations

@@ -277,13 +277,13 @@ def test_until_solved_ends_a_solved_training(tmp_path):
 def remembering():
     """T2TL: a policy with a window of two steps."""
     context = ContextConfig(length=2, transformer=TINY, segment_length=4)
-    learner = dataclasses.replace(PPO, network=dataclasses.replace(NETWORK, context=context))
-    return t2tl_jax.train(ProbeEnv(), TASK, learner, frames=1, episode_length=8).policy()
+    learner = dataclasses.replace(PPO, network=dataclasses.replace(NETWORK, task_encoder=TINY, context=context))
+    return t2tl_jax.train(ProbeEnv(), TASK, learner, frames=1, episode_length=8)
 
 
 @pytest.mark.slow
 def test_a_policy_with_memory_begins_and_remembers(remembering):
-    policy, obs = remembering, jnp.ones(3)
+    policy, obs = remembering.policy(), jnp.ones(3)
     carry = policy.begin()
     action = policy(obs, 2, carry=carry)
     after = policy.remember(carry, obs, action, jnp.float32(0))
@@ -300,10 +300,9 @@ def test_a_policy_with_memory_begins_and_remembers(remembering):
 
 
 @pytest.mark.slow
-def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from():
+def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from(remembering):
     learner = dataclasses.replace(PPO, network=dataclasses.replace(NETWORK, task_encoder=TINY))
-    one = {"learner": learner, "seeds": 1, "frames": FRAMES}
-    first = t2tl_jax.train(ProbeEnv(), "F Up", **one)
+    first, one = remembering, {"learner": learner, "seeds": 1, "frames": FRAMES}
     frozen = dataclasses.replace(learner, network=dataclasses.replace(learner.network, freeze_task_encoder=True))
     second = t2tl_jax.train(ProbeEnv(), TASK, pretrained=first, **one | {"learner": frozen})
     reader, adopted = (result.params["params"]["task_encoder"] for result in (first, second))
