@@ -52,7 +52,7 @@ def main(iterations: int = 40) -> list[float]:
 
     @jax.jit
     def iterate(params, opt_state, episodes, key):
-        policy = unroll.Policy(partial(act, params))
+        policy = unroll.Player(partial(act, params))
         episodes, _, steps = unroll.unroll(
             env, env_params, policy, episodes, (), key, STEPS, LIMIT, DISCOUNT, keep=lambda step: step
         )  # every array of `steps` leads with [STEPS, ENVS]

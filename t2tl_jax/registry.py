@@ -216,5 +216,5 @@ def load_plugins() -> None:
         try:
             with quiet_imports():
                 plugin.load()
-        except ImportError as error:
+        except Exception as error:  # whatever a foreign module raises; the rest goes on without it
             warnings.warn(f"the plugin {plugin.name} = {plugin.value} cannot be imported: {error}", stacklevel=2)

@@ -8,7 +8,7 @@ import jax
 
 from t2tl_jax.env import State
 from t2tl_jax.task_env import TaskEnv, TaskParams
-from t2tl_jax.training.unroll import Episode, Policy, begin, unroll
+from t2tl_jax.training.unroll import Episode, Player, begin, unroll
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Speed:
     """The same in the fastest repeat."""
 
 
-def random_policy(env: TaskEnv) -> Policy:
+def random_policy(env: TaskEnv) -> Player:
     """Uniform actions, discrete or continuous."""
 
     def act(carry: tuple[()], state: State, key: jax.Array) -> tuple[jax.Array, tuple[()], tuple[()]]:
@@ -34,7 +34,7 @@ def random_policy(env: TaskEnv) -> Policy:
             return jax.random.randint(key, (num_envs,), 0, env.num_actions), carry, ()
         return jax.random.uniform(key, (num_envs, env.action_size), minval=-1.0, maxval=1.0), carry, ()
 
-    return Policy(act)
+    return Player(act)
 
 
 def measure(env: TaskEnv, num_envs: int, steps: int, repeats: int, episode_length: int) -> Speed:

@@ -23,7 +23,10 @@ def import_modules(arguments: Sequence[str]) -> list[str]:
         module = module if equals else next(words, "")
         try:
             importlib.import_module(module)
-        except (ModuleNotFoundError, ValueError) as error:
+        except (ImportError, ValueError) as error:
+            inside = isinstance(error, ImportError) and error.name not in (module, module.partition(".")[0])
+            if inside:
+                raise UserError(f"{FLAG} {module}: it cannot be imported: {error}") from error
             raise UserError(
                 f"{FLAG} {module}: {error or 'name a module'}; it is looked for in this folder and where packages are"
             ) from error

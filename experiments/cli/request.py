@@ -25,7 +25,7 @@ DESCRIPTION = """Train an agent on a temporal-logic task.
   --method NAME   make it one of the methods t2tl, t1tl, gnn, rm, dfa or dfa_cont, all else being equal
   --list          show the named configurations, the methods, and what else has a name
   --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer),
-                  --until-solved and --run.* apply
+                  --until-solved, --convergence.* and --run.* apply
   --import MODULE a module of your own that registers environments, learners, task encoders or configurations
   --PART KIND     another kind of environment (--env), learner (--learner) or task encoder
                   (--learner.network.task-encoder), with its defaults

@@ -25,9 +25,9 @@ with quiet_imports():
     from t2tl_jax.evaluation.episodes import Episodes, first_episodes
     from t2tl_jax.ltl import TaskTable, compile_tasks, resolve_task
     from t2tl_jax.task_env import TaskEnv, TaskParams
-    from t2tl_jax.training.unroll import Policy
+    from t2tl_jax.training.unroll import Player
 
-Player = Callable[[TaskParams], Policy]
+MakePlayer = Callable[[TaskParams], Player]
 """Who plays, by the parameters of the `TaskEnv`."""
 
 
@@ -79,7 +79,7 @@ def colours_of_rows(table: TaskTable) -> tuple[jax.Array, jax.Array]:
     return (after != jnp.arange(table.num_rows)[:, None]) & ~avoided, avoided
 
 
-def scripted_player(env_params: TaskParams) -> Policy:
+def scripted_player(env_params: TaskParams) -> Player:
     """Goes for what the present row wants and keeps away from what it forbids."""
     wanted, avoided = colours_of_rows(env_params.table)
 
@@ -88,20 +88,20 @@ def scripted_player(env_params: TaskParams) -> Policy:
         action = jax.vmap(scripted_action, (0, None, 0, 0))(world, env_params.env, wanted[row], avoided[row])
         return action, carry, ()
 
-    return Policy(act)
+    return Player(act)
 
 
-def random_player(env_params: TaskParams) -> Policy:
+def random_player(env_params: TaskParams) -> Player:
     """Any action, uniformly."""
     del env_params
 
     def act(carry: tuple[()], state: State, key: jax.Array) -> tuple[jax.Array, tuple[()], tuple[()]]:
         return jax.random.randint(key, (len(state.obs),), 0, NUM_ACTIONS), carry, ()
 
-    return Policy(act)
+    return Player(act)
 
 
-def play(env: TaskEnv, player: Player, episodes: int, episode_length: int, seed: int) -> Outcome:
+def play(env: TaskEnv, player: MakePlayer, episodes: int, episode_length: int, seed: int) -> Outcome:
     """Play whole episodes side by side, the first one of every environment."""
 
     def run(env_params: TaskParams, key: jax.Array) -> Episodes:

@@ -28,7 +28,7 @@ from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.types import Agent, LearnerConfig, Metrics, Params, repeated
-from t2tl_jax.training.unroll import Episode, Policy, Step, advance, begin, by_task, env_scalars, summed
+from t2tl_jax.training.unroll import Episode, Player, Step, advance, begin, by_task, env_scalars, summed
 
 MAX_TASKS_APART = 16
 """Up to so many tasks of a table have columns of their own among the metrics."""
@@ -331,7 +331,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         episodes, carry, done = advance(
             env,
             env_params,
-            Policy(explore, observe),
+            Player(explore, observe),
             state.episodes,
             state.carry,
             key,

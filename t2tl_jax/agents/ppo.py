@@ -26,7 +26,7 @@ from t2tl_jax.training.advantages import generalised_advantages
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.types import Agent, EpisodeTotals, LearnerConfig, Metrics, Params, repeated
-from t2tl_jax.training.unroll import Episode, Policy, Step, begin, env_scalars, summed, unroll
+from t2tl_jax.training.unroll import Episode, Player, Step, begin, env_scalars, summed, unroll
 
 
 @dataclass(frozen=True)
@@ -334,7 +334,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             episodes, after, kept = unroll(
                 env,
                 env_params,
-                Policy(explore, observe),
+                Player(explore, observe),
                 episodes,
                 known,
                 key,

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.types import Agent, Params, repeated
-from t2tl_jax.training.unroll import Step, begin, policy_of, unroll
+from t2tl_jax.training.unroll import Step, begin, player_of, unroll
 from t2tl_jax.view import Scene, View
 
 SIDE = 384
@@ -96,7 +96,7 @@ def record(
         return jax.tree.map(lambda x: x[0], (scene, env.row(state)))
 
     def play(params: Params, env_params: TaskParams, key: jax.Array) -> tuple[Any, Any]:
-        policy = policy_of(agent, env, params, agent.embed(params, env_params.table), deterministic)
+        policy = player_of(agent, env, params, agent.embed(params, env_params.table), deterministic)
 
         def seen(step: Step) -> tuple[tuple[Scene, jax.Array], jax.Array, jax.Array, jax.Array]:
             verdict = env.verdict(step.state, env_params)

@@ -21,7 +21,7 @@ from t2tl_jax.ltl.tokens import token_names
 from t2tl_jax.networks.task_encoders import TransformerTaskEncoder, attention_weights
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.types import Agent, Carry, Params, repeated
-from t2tl_jax.training.unroll import Episode, Policy, begin, policy_of, unroll, where
+from t2tl_jax.training.unroll import Episode, Player, begin, player_of, unroll, where
 
 Queries = Literal["all", "root"]
 """Who attends: every real token (their mean), or the formula's first token only."""
@@ -155,7 +155,7 @@ def meet(
 
     One step only: successive observations are nearly equal, and every episode counts the same. Pure; jit it.
     """
-    sampled = policy_of(agent, env, params, agent.embed(params, env_params.table), deterministic=False)
+    sampled = player_of(agent, env, params, agent.embed(params, env_params.table), deterministic=False)
     reset_key, key = jax.random.split(key)
     first = begin(env, env_params, reset_key, episodes, episode_length)
     carry = repeated(agent.begin(), episodes)
@@ -179,7 +179,7 @@ def meet(
         under_way, meeting, _ = unroll(
             env,
             env_params,
-            Policy(act, observe),
+            Player(act, observe),
             under_way,
             meeting,
             jax.random.fold_in(key, chunk),

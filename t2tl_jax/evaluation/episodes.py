@@ -7,7 +7,7 @@ from flax import struct
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.program import OVER_SEEDS
 from t2tl_jax.training.types import Agent, Carry, Params, repeated
-from t2tl_jax.training.unroll import Episode, Policy, Step, begin, policy_of, unroll
+from t2tl_jax.training.unroll import Episode, Player, Step, begin, player_of, unroll
 
 CHUNK = 25
 """Steps between two looks at whether all episodes are over."""
@@ -41,14 +41,14 @@ def play(
     Works on one seed and is pure: jit it, and vmap it over seeds. Every environment plays one episode only, since
     counting all that end within some time would favour short ones.
     """
-    policy = policy_of(agent, env, params, agent.embed(params, env_params.table), deterministic)
+    policy = player_of(agent, env, params, agent.embed(params, env_params.table), deterministic)
     carry = repeated(agent.begin(), episodes)
     return first_episodes(env, policy, carry, env_params, key, episodes, episode_length, discount)
 
 
 def first_episodes(
     env: TaskEnv,
-    policy: Policy,
+    policy: Player,
     carry: Carry,
     env_params: TaskParams,
     key: jax.Array,

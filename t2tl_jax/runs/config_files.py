@@ -95,6 +95,11 @@ def load(path: Path) -> Config:
     return from_json(text, str(path))
 
 
+def stored_version(path: Path) -> int:
+    """The version of the format in which a file that `load` can read holds a configuration."""
+    return json.loads(path.read_text(encoding="utf-8")).get("version", 1)
+
+
 def _exactly(value: Any, kind: type) -> Any:
     if type(value) is not kind:
         raise TypeError(f"expected {kind.__name__}, got {value!r}")

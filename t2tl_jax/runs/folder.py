@@ -41,6 +41,15 @@ def new_path(base: Path, name: str) -> Path:
     )
 
 
+def check_new(path: Path) -> Path:
+    """The folder of a run that is to be made; UserError if something is in it already."""
+    path = Path(path).expanduser()
+    if path.is_dir() and any(path.iterdir()):
+        hint = " (resume continues a run)" if (path / "config.json").exists() else ""
+        raise UserError(f"{path} is not empty{hint}; a new run needs a folder of its own")
+    return path
+
+
 def create(path: Path, config: Config, versions: dict[str, Any]) -> RunFolder:
     """Make the folder of a new run, with the resolved configuration and the versions.
 
@@ -49,14 +58,11 @@ def create(path: Path, config: Config, versions: dict[str, Any]) -> RunFolder:
     Raises:
         UserError: if it cannot be written, or is there already with something in it.
     """
-    path = Path(path).expanduser()
+    path = check_new(path)
     content = config_files.to_json(config)  # refuses what cannot be stored, before anything is written
     machine = machine_files.read(config)
     try:
         path.mkdir(parents=True, exist_ok=True)
-        if any(path.iterdir()):
-            hint = " (resume continues a run)" if (path / "config.json").exists() else ""
-            raise UserError(f"{path} is not empty{hint}; a new run needs a folder of its own")
         folder = RunFolder(path)
         for name, copied in machine.items():
             (path / name).write_bytes(copied)

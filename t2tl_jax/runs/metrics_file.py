@@ -97,16 +97,16 @@ class MetricsFile:
         self._file = open(self.path, "a", newline="", encoding="utf-8")  # noqa: SIM115, open for the whole run
 
     def append(self, new_rows: Sequence[Mapping[str, float | int | None]]) -> None:
-        """Write rows, and the header before the first of them; their columns are those of the header, in any order."""
+        """Write rows, and the header before the first of them. A new column is empty in the rows so far."""
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         for row in new_rows:
             if self._header is None:
                 self._header = list(row)
                 writer.writerow(self._header)
-            if set(row) != set(self._header):
-                raise MetricsFileError(f"{self.path} has the columns {self._header}, not {list(row)}")
-            writer.writerow([_cell(row[name]) for name in self._header])
+            if not set(row) <= set(self._header):
+                self._widen([name for name in row if name not in self._header])
+            writer.writerow([_cell(row.get(name)) for name in self._header])
         # One write for the rows of an iteration, so that a killed process hardly ever leaves half of them.
         self._file.write(buffer.getvalue())
         self._file.flush()
@@ -119,6 +119,18 @@ class MetricsFile:
     def close(self) -> None:
         """Close the file; nothing can be appended afterwards."""
         self._file.close()
+
+    def _widen(self, names: Sequence[str]) -> None:
+        """Put further columns at the end of the file, as a run that goes on with more metrics brings them."""
+        assert self._header is not None
+        self._file.close()
+        header, *lines = self.path.read_text(encoding="utf-8").splitlines()
+        self._header += names
+        wider = [",".join([header, *names]), *(line + "," * len(names) for line in lines)]
+        temporary = self.path.with_suffix(".csv.tmp")
+        temporary.write_text("\n".join(wider) + "\n", encoding="utf-8", newline="")
+        os.replace(temporary, self.path)
+        self._file = open(self.path, "a", newline="", encoding="utf-8")  # noqa: SIM115, open for the whole run
 
     def _rewind(self, iteration: int) -> None:
         lines = lines_up_to(self.path, iteration)

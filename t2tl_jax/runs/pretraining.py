@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from t2tl_jax.runs.result import Result
 
 AUTO = "auto"
+GIVEN = "given"
+"""A pre-training whose result was handed over and lies in no folder."""
+
 OWN = "own"
 """Behind ``auto:``, the task of the run itself."""
 
@@ -50,7 +53,7 @@ def is_auto(config: Config) -> bool:
 
 def located(config: Config) -> Config:
     """The configuration with its pre-training run as an absolute path, which is the same from every directory."""
-    if not config.pretrained or is_auto(config):
+    if config.pretrained in ("", GIVEN) or is_auto(config):
         return config
     return replace(config, pretrained=str(Path(config.pretrained).expanduser().resolve()))
 
@@ -97,6 +100,11 @@ def check(experiment: Experiment, first: "Result | None") -> Experiment:
     if first is not None:
         _check_fits(first.experiment, experiment, "the given pre-training")
         return first.experiment
+    if config.pretrained == GIVEN:
+        raise UserError(
+            "this run began with a pre-training that was given as a result and is not kept; it has no checkpoint to go "
+            "on from, so begin a new run with train(..., pretrained=result)"
+        )
     if not is_auto(config):
         folder, stored = run_folder.open_existing(Path(config.pretrained))
         before = build(stored)

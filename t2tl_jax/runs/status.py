@@ -22,7 +22,9 @@ class StatusFile(Callback):
 
     def on_end(self, progress: Progress) -> None:
         """It does not."""
-        self._write(progress, "interrupted" if progress.stop in ("interrupted", "failed") else "finished")
+        self._write(
+            progress, "interrupted" if progress.stop in ("interrupted", "failed") or not progress.done else "finished"
+        )
 
     def _write(self, progress: Progress, state: str) -> None:
         frames, trained = progress.frames_per_iteration, progress.done - progress.started_from

@@ -10,8 +10,8 @@ from t2tl_jax.errors import UserError, explained
 from t2tl_jax.evaluation.report import Report
 from t2tl_jax.names import nearest
 from t2tl_jax.registry import named_config
+from t2tl_jax.runs import config_files, machine_files, pretraining
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import machine_files, pretraining
 from t2tl_jax.runs.callbacks import Callback
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 from t2tl_jax.runs.config import Config
@@ -20,6 +20,7 @@ from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.given_env import GivenEnv
 from t2tl_jax.runs.interrupts import Interrupted, NeverStop, Stoppable
 from t2tl_jax.runs.metrics_file import MetricsFileError, history
+from t2tl_jax.runs.migration import VERSION
 from t2tl_jax.runs.provenance import describe
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.training import Training
@@ -66,9 +67,11 @@ def train(
     with explained():
         first = pretrained if isinstance(pretrained, Result) else None
         if pretrained is not None:
-            changes["pretrained"] = str(pretrained if first is None else (first.folder or "given"))
+            changes["pretrained"] = str(pretrained if first is None else (first.folder or pretraining.GIVEN))
         chosen, env = _configuration(config, task, learner, seeds, changes)
         chosen = pretraining.located(chosen)
+        if folder is not None:
+            run_folder.check_new(Path(folder))
         session = _Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
         experiment, before = session.stop.call(lambda: _checked(chosen, env, first), "while preparing")
         return _started(experiment, None if folder is None else Path(folder), session, first or before)
@@ -99,6 +102,11 @@ def resume(
     session = _Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
     with explained():
         run, stored = run_folder.open_existing(Path(folder))
+        if config_files.stored_version(run.config) != VERSION:
+            raise UserError(
+                f"{run.path} was trained by an earlier version, whose training state this one does not know: it can be "
+                "loaded, evaluated, plotted and compared, and its task encoder used, but not trained further"
+            )
         config = _changed(stored, changes)
         refuse_other_changes(stored, config)
         with Checkpoints(run.checkpoints) as checkpoints:

@@ -78,6 +78,9 @@ class Training:
                     for callback in callbacks:
                         callback.on_start(progress)
                     state = self._iterate(compiled, state, callbacks)
+            except Interrupted:
+                progress.stop = "interrupted"
+                raise
             finally:
                 progress.stop = progress.stop or "failed"
                 for callback in callbacks:
@@ -147,7 +150,7 @@ class Training:
                 encoder = pretraining.encoder(experiment, first)
                 self.progress.notes["pretraining"] = pretraining.summary(first)
             compiled = self.stop.call(compilation.result, "while compiling")
-        except Interrupted:
+        except BaseException:
             self.stop.abandon(compilation.thread)
             raise
         self.progress.compile_seconds = compiled.seconds

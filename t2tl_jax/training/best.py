@@ -27,7 +27,8 @@ def keep_best(
         best_score: their score, float32 scalar.
     """
     average = totals.discounted_return / jnp.maximum(totals.episodes, 1)
-    average *= jnp.minimum(totals.length / frames, 1.0)
+    share = jnp.minimum(totals.length / frames, 1.0)
+    average = jnp.where(average > 0, average * share, average)  # a loss is none the smaller for it
     score = jnp.where(totals.episodes >= MINIMUM_EPISODES, average, -jnp.inf)
     is_better = score > best_score
     return jax.tree.map(partial(jnp.where, is_better), params, best_params), jnp.maximum(score, best_score)

@@ -58,7 +58,7 @@ class Step:
         return self.state.reward
 
 
-class Policy(NamedTuple):
+class Player(NamedTuple):
     """Who acts.
 
     act(carry, state, key) -> (action, carry, extras): for a batch of states of the `TaskEnv`
@@ -72,7 +72,7 @@ class Policy(NamedTuple):
     )
 
 
-def policy_of(agent: Agent, env: TaskEnv, params: Params, embedding: jax.Array, deterministic: bool) -> Policy:
+def player_of(agent: Agent, env: TaskEnv, params: Params, embedding: jax.Array, deterministic: bool) -> Player:
     """A trained agent as it is evaluated: its parameters stay, and its carry begins anew with every episode."""
 
     def act(carry: Carry, state: State, key: jax.Array) -> tuple[jax.Array, Carry, tuple[()]]:
@@ -82,7 +82,7 @@ def policy_of(agent: Agent, env: TaskEnv, params: Params, embedding: jax.Array, 
         after = agent.remember(params, carry, state.obs, action, reward)
         return where(ended, repeated(agent.begin(), len(ended)), after)
 
-    return Policy(act, observe)
+    return Player(act, observe)
 
 
 def begin(
@@ -103,7 +103,7 @@ def begin(
 def advance(
     env: TaskEnv,
     env_params: TaskParams,
-    policy: Policy,
+    policy: Player,
     episodes: Episode,
     carry: Carry,
     key: jax.Array,
@@ -153,7 +153,7 @@ def advance(
 def unroll(
     env: TaskEnv,
     env_params: TaskParams,
-    policy: Policy,
+    policy: Player,
     episodes: Episode,
     carry: Carry,
     key: jax.Array,
@@ -208,7 +208,13 @@ def summed(totals: EpisodeTotals) -> EpisodeTotals:
 
 
 def env_scalars(metrics: dict[str, jax.Array]) -> dict[str, jax.Array]:
-    """The environment's own metrics of any number of steps and environments: their means, named `env_...`."""
+    """The environment's own metrics of any number of steps and environments: their means, named `env_...`.
+
+    Raises:
+        ValueError: for a metric called `termination_rate`, whose name would be that of a column of every run.
+    """
+    if "termination_rate" in metrics:
+        raise ValueError("call the environment's metric something else: env_termination_rate is a column of every run")
     return {f"env_{name}": jnp.mean(values, dtype=jnp.float32) for name, values in metrics.items()}
 
 

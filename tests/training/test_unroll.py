@@ -7,7 +7,7 @@ import pytest
 
 from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.unroll import Policy, begin, by_task, env_scalars, summed, unroll
+from t2tl_jax.training.unroll import Player, begin, by_task, env_scalars, summed, unroll
 from tests.probe import DiscreteProbeEnv, ProbeEnv
 
 DISCOUNT = 0.9
@@ -34,7 +34,7 @@ def play(env, actions, limit, turn=0):
     episodes = begin(env, params, jax.random.key(0), turn + 1, limit)
     episodes = jax.tree.map(lambda x: x[turn:], episodes)
     episodes, carry, steps = unroll(
-        env, params, Policy(act), episodes, 0, jax.random.key(1), len(script), limit, DISCOUNT, keep=lambda step: step
+        env, params, Player(act), episodes, 0, jax.random.key(1), len(script), limit, DISCOUNT, keep=lambda step: step
     )
     assert carry == len(script)  # carried from step to step, over the ends of episodes
     return jax.tree.map(lambda x: x[0], episodes), jax.tree.map(lambda x: x[:, 0] if x.ndim > 1 else x, steps)
@@ -141,7 +141,7 @@ def test_totals_are_sums_over_finished_episodes(env):
     _, ends, (obs, totals) = unroll(
         env,
         params,
-        Policy(act, observe),
+        Player(act, observe),
         episodes,
         jnp.zeros(4),
         jax.random.key(1),

@@ -14,7 +14,7 @@ from t2tl_jax import Agent, LearnerConfig, TaskEncoderConfig, TaskEnv, register_
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.types import Metrics
-from t2tl_jax.training.unroll import Episode, Policy, begin, env_scalars, summed, unroll
+from t2tl_jax.training.unroll import Episode, Player, begin, env_scalars, summed, unroll
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def make_reinforce(env: TaskEnv, config: ReinforceConfig, episode_length: int, i
             return (step.obs, step.row, step.action), step.reward, ended, step.totals, step.state.metrics
 
         unrolled = unroll(
-            env, env_params, Policy(sample), state.episodes, (), act_key,
+            env, env_params, Player(sample), state.episodes, (), act_key,
             config.unroll_length, episode_length, config.discount, keep,
         )  # fmt: skip
         episodes, _, (seen, reward, ended, totals, metrics) = unrolled
