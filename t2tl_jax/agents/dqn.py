@@ -142,7 +142,7 @@ class DQNState:
     key: jax.Array
     iteration: jax.Array  # int32
     best_params: Params
-    best_score: jax.Array  # float32, discounted return of the best iteration so far
+    best_score: jax.Array  # float32, of the best iteration so far, see `keep_best`
 
 
 def epsilon(config: DQNConfig, progress: jax.Array) -> jax.Array:

@@ -141,7 +141,7 @@ class PPOState:
     key: jax.Array
     iteration: jax.Array  # int32
     best_params: Params
-    best_score: jax.Array  # float32, discounted return of the best rollout so far
+    best_score: jax.Array  # float32, of the best rollout so far, see `keep_best`
 
 
 @struct.dataclass

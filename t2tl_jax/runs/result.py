@@ -28,7 +28,7 @@ class Result:
     experiment: Experiment
     """Environment, task table and learner."""
     params: Params
-    """The best parameters of every seed (highest discounted return in training), leading axis [seeds]."""
+    """The best parameters of every seed (highest score in training, see `keep_best`), leading axis [seeds]."""
     metrics: Mapping[str, np.ndarray]
     """By name, float64[seeds, iterations]: ``frames``, ``success_rate``, ``discounted_return``, losses and so on. NaN
     stands for an average over no episodes."""

@@ -127,7 +127,7 @@ def load(
     Args:
         folder: of the run.
         env: the environment itself, for a run that was given one instead of naming it.
-        checkpoint: which parameters: with the highest discounted return in training, or the latest ones.
+        checkpoint: which parameters: with the highest score in training (see `keep_best`), or the latest ones.
         **changes: of fields of the configuration, such as ``task``, for an experiment on another task.
 
     Raises:

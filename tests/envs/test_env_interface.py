@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from envs.registry import make
 
 from envs.zones import ZoneConfig, ZoneEnv
 from envs.zones.point_robot import PointState
 from t2tl_jax.env import EnvConfig, LabelledEnv
+from t2tl_jax.registry import make_env
 
 BATCH = 4
 
@@ -22,7 +22,7 @@ def batched_step(env):
 
 @pytest.fixture(scope="module")
 def random_env() -> ZoneEnv:
-    return make(ZoneConfig(physics="closed_form", layout="random", pool_size=50))
+    return make_env(ZoneConfig(physics="closed_form", layout="random", pool_size=50))
 
 
 def describe(tree):
@@ -140,10 +140,10 @@ def test_environments_can_be_copied(closed_form_env):
 
 
 def test_registry():
-    assert make("Zones-25-v1").backend == "mjx"
-    random = make("Zones-5-v0")
+    assert make_env("Zones-25-v1").backend == "mjx"
+    random = make_env("Zones-5-v0")
     assert random.reset(jax.random.key(0)).pipeline_state.zones.shape == (8, 2)
     with pytest.raises(ValueError, match="did you mean 'Zones-25-v1'"):
-        make("Zone-25")
-    with pytest.raises(ValueError, match="no environment goes with EnvConfig; known: ZoneConfig"):
-        make(EnvConfig())
+        make_env("Zone-25")
+    with pytest.raises(ValueError, match="EnvConfig is not the configuration of a registered environment"):
+        make_env(EnvConfig())

@@ -4,16 +4,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from envs.registry import make
-from t2tl_jax.training.episodes import advance, begin
 
 from envs.single_state import EPISODE_LENGTH, SingleState, SingleStateConfig
 from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.registry import make_env
 from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.unroll import Player, begin, unroll
 
 
 def test_the_action_is_the_label():
-    env = make("SingleState")
+    env = make_env("SingleState")
     state = env.reset(jax.random.key(0))
     assert not env.labels(state).any() and state.obs.shape == (env.observation_size,) == (0,)
     for action in range(env.num_actions):
@@ -40,11 +40,15 @@ def test_an_episode_has_at_most_75_steps():
     """The original's longest has 76: it ends when more than 75 steps were taken."""
     world = SingleState(SingleStateConfig(("a", "b")))
     env = TaskEnv(world, compile_tasks("F b", world.propositions, world.alphabet))
-    first = begin(env, jax.random.key(0), EPISODE_LENGTH)
+    params = env.make_params(0)
+    idle = Player(lambda carry, state, key: (jnp.zeros(1, jnp.int32), carry, ()))
 
-    def step(episode, key):
-        return advance(env, episode, jnp.int32([0]), key, EPISODE_LENGTH, 0.9)
+    def steps():
+        episodes = begin(env, params, jax.random.key(0), 1, EPISODE_LENGTH)
+        key = jax.random.key(1)
+        return unroll(env, params, idle, episodes, (), key, 160, EPISODE_LENGTH, 0.9, keep=lambda step: step)[2]
 
-    _, outcomes = jax.jit(lambda: jax.lax.scan(step, first, jax.random.split(jax.random.key(1), 160)))()
-    np.testing.assert_array_equal(np.flatnonzero(outcomes.truncated) + 1, [75, 150])
-    np.testing.assert_array_equal(outcomes.totals.length[outcomes.truncated], 75)
+    kept = jax.jit(steps)()
+    truncated = np.asarray(kept.truncated)[:, 0]
+    np.testing.assert_array_equal(np.flatnonzero(truncated) + 1, [75, 150])
+    np.testing.assert_array_equal(np.asarray(kept.totals.length).reshape(160)[truncated], 75)

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from brax.envs.wrappers.training import AutoResetWrapper, EpisodeWrapper, VmapWrapper
-from envs.registry import CONFIGS, make
 
 from envs.waterworld import COLOURS, EPISODE_LENGTH, LETTERS, WaterWorld, WaterWorldConfig
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import WATER_PROPOSITIONS, compile_reward_machines, compile_tasks, named_machines, named_task
+from t2tl_jax.registry import env_names, make_env
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.program import OVER_SEEDS, params_of_seeds
 
@@ -200,12 +200,12 @@ def _play_randomly(env, seeds, each):
 
 
 def test_registry():
-    assert make("WaterWorld").propositions == COLOURS
-    assert make("WaterWorld-random").config.layout == "random"
-    original = make("Water-M10-v0")
+    assert make_env("WaterWorld").propositions == COLOURS
+    assert make_env("WaterWorld-random").config.layout == "random"
+    original = make_env("Water-M10-v0")
     assert isinstance(original, WaterWorld)
     assert original.propositions == LETTERS and original.observation_size == 52
     assert (original.config.delay, original.config.events, original.config.map_number) == (1, "onset", 10)
-    assert sum(name.startswith("Water-M") for name in CONFIGS) == 11
+    assert sum(name.startswith("Water-M") for name in env_names()) == 11
     with pytest.raises(ValueError, match="did you mean 'WaterWorld'"):
-        make("Waterworld")
+        make_env("Waterworld")

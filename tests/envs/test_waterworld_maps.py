@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from envs.registry import make
 
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
+from t2tl_jax.registry import make_env
 from tests.envs.waterworld_reference import published_map
 
 MANY = 512
@@ -20,7 +20,7 @@ def starts_of(env, count=MANY, params=None):
 
 @pytest.mark.parametrize(("number", "agent"), [(0, (342.43608506, 310.44312909)), (1, (79.71477032, 343.55048267))])
 def test_agents_of_published_maps(number, agent):
-    state = make(f"Water-M{number}-v0").reset(jax.random.key(0)).pipeline_state
+    state = make_env(f"Water-M{number}-v0").reset(jax.random.key(0)).pipeline_state
     np.testing.assert_allclose(state.agent_position, agent, rtol=1e-7)
     np.testing.assert_array_equal(state.agent_velocity, 0)
 
@@ -147,7 +147,7 @@ def test_maps_by_seed_are_the_numbered_maps():
     both = jax.tree.map(lambda *x: np.stack(x), env.make_params(3), env.make_params(10, training=False))
     states = jax.jit(jax.vmap(env.reset, (None, 0)))(jax.random.key(0), both)
     for index, number in enumerate((3, 10)):
-        alone = make(f"Water-M{number}-v0").reset(jax.random.key(1))
+        alone = make_env(f"Water-M{number}-v0").reset(jax.random.key(1))
         # One is compiled and the other is not, which may round the last bit of a number up to 1 differently.
         np.testing.assert_allclose(states.obs[index], alone.obs, rtol=0, atol=3e-7)
 
