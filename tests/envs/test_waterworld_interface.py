@@ -207,5 +207,5 @@ def test_registry():
     assert original.propositions == LETTERS and original.observation_size == 52
     assert (original.config.delay, original.config.events, original.config.map_number) == (1, "onset", 10)
     assert sum(name.startswith("Water-M") for name in env_names()) == 11
-    with pytest.raises(ValueError, match="did you mean 'WaterWorld'"):
+    with pytest.raises(ValueError, match="did you mean 'waterworld'"):
         make_env("Waterworld")
