@@ -18,7 +18,7 @@ from t2tl_jax.ltl import (
     named_machines,
     parse_machine,
 )
-from t2tl_jax.networks.task_encoders import OneHotTaskEncoder, TransformerTaskEncoder
+from t2tl_jax.networks.task_encoders import OneHotConfig, OneHotTaskEncoder, TransformerTaskEncoder
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.ltl.ltl_oracles import letters_of
@@ -286,7 +286,7 @@ def test_encoders_that_read_tokens_refuse_and_one_hot_codes_work(water):
     encoder = TransformerTaskEncoder(TransformerConfig(layers=1, heads=1, width=4, feed_forward=4, output=2))
     with pytest.raises(LTLError, match="use a one-hot task encoder"):
         encoder.init(jax.random.key(0), table)
-    codes = OneHotTaskEncoder(77).apply({}, table)  # the rows true and false have no state left
+    codes = OneHotTaskEncoder(OneHotConfig(77)).apply({}, table)  # the rows true and false have no state left
     assert (codes[:2] == 0).all() and (codes[2:] == jnp.eye(77)).all()
 
 
