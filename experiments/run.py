@@ -33,7 +33,7 @@ def command(arguments: list[str], prefix: str = "", module: str = "experiments.r
     """
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
-        from experiments.cli import compilation_cache, request
+        from experiments.cli import compilation_cache, cpu_devices, request
 
     asked = request.read(arguments, prefix)
     if asked.show_list:
@@ -41,6 +41,7 @@ def command(arguments: list[str], prefix: str = "", module: str = "experiments.r
         return 0
     config, name = request.configuration(asked, prefix, f"python -m {module}")
     compilation_cache.use(config.run.compilation_cache)
+    cpu_devices.use()
     # Only now: plots, statistics and checkpoints take seconds to load too, which --help and mistakes need not wait for.
     from t2tl_jax.runs import folder
     from t2tl_jax.runs.interrupts import Interrupted, StopRequest

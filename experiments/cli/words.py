@@ -11,7 +11,6 @@ from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.callbacks import Callback, Progress, Row
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.solved import window
-from t2tl_jax.training.seeds import seed_sharding
 
 
 class Words(Callback):
@@ -66,15 +65,13 @@ def _plan(progress: Progress, what: str) -> str:
         more = actual - config.frames
         frames += f" (asked for {config.frames:,}: {more:+,}, since iterations are whole)"
     devices = jax.devices()
-    sharding = seed_sharding(len(progress.seeds))
-    used = len(sharding.device_set) if sharding else 1
     seeds = f"seed {progress.seeds[0]}" if len(progress.seeds) == 1 else f"{len(progress.seeds)} seeds"
     return "\n".join(
         (
             f"{what:6} {progress.folder}",
             f"task   {config.task}",
             f"plan   {frames}; {seeds}",
-            f"device {devices[0].device_kind}, {used} of {len(devices)} used",
+            f"device {devices[0].device_kind}, {progress.devices} of {len(devices)} used",
             *_more_plan(progress),
         )
     )

@@ -24,6 +24,7 @@ from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.advantages import generalised_advantages
 from t2tl_jax.training.best import keep_best
+from t2tl_jax.training.devices import on_each, over_envs
 from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.types import Agent, EpisodeTotals, LearnerConfig, Metrics, Params, repeated
 from t2tl_jax.training.unroll import Episode, Player, Step, begin, env_scalars, summed, unroll
@@ -346,9 +347,10 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             _, carry, _ = known
             return (episodes, after), (carry, kept)
 
-        known = state.noise, state.carry, embedded(state.params, state.carry)
+        start, noise, carry = over_envs((state.episodes, state.noise, state.carry))
+        known = noise, carry, embedded(state.params, carry)
         keys = jax.random.split(key, config.unroll_length // stretch)
-        (episodes, known), (carry, kept) = jax.lax.scan(one_stretch, (state.episodes, known), keys)
+        (episodes, known), (carry, kept) = jax.lax.scan(one_stretch, (start, known), keys)
         transitions, totals, env_metrics = kept
         transitions = jax.tree.map(lambda x: x.reshape(config.unroll_length, *x.shape[2:]), transitions)
         return known, episodes, replace(transitions, carry=carry), summed(totals), env_scalars(env_metrics)
@@ -442,7 +444,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         order = jax.random.permutation(key, segments).reshape(config.num_minibatches, -1)
 
         def minibatch_step(carry, chosen):
-            return gradient_step(table, carry, jax.tree.map(lambda x: x[chosen], batch))
+            return gradient_step(table, carry, over_envs(jax.tree.map(lambda x: x[chosen], batch)))
 
         return jax.lax.scan(minibatch_step, carry, order)
 
@@ -457,7 +459,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         )
 
         # ADVANTAGE
-        batch = make_batch(embedding, state.params, transitions)
+        batch = on_each(make_batch(embedding, state.params, transitions))  # minibatches choose among all samples
 
         # UPDATE
         (params, opt_state), scalars = jax.lax.scan(
@@ -493,6 +495,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         remember=remember,
         restart=restart,
         compare=compare,
+        num_envs=config.num_envs,
     )
 
 

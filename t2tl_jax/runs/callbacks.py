@@ -31,6 +31,8 @@ class Progress:
     """Whether training takes one pool of random tasks after another."""
     folder: Path | None = None
     """Of the run; None for one that is not kept on disk."""
+    devices: int = 1
+    """Devices that train."""
     done: int = 0
     """Iterations behind us."""
     started_from: int = 0

@@ -43,7 +43,7 @@ def _default_cache() -> str:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """What happens around the training; none of it changes the numbers."""
+    """What happens around the training; none of it changes the numbers, but for the rounding of sums."""
 
     folder: str = "runs"
     """Runs are stored in FOLDER/<config>/<time>."""
@@ -57,11 +57,14 @@ class RunConfig:
     """Show a progress bar."""
     compilation_cache: str = field(default_factory=_default_cache)
     """Folder where compiled programs are kept, so that the next run starts sooner; '' for none."""
+    devices_per_seed: int = 0
+    """The most devices that the environments of one seed are spread over, where there are more devices than seeds
+    take; 0 is all of them on a CPU, where every core can be a device, and 1 on other hardware."""
 
     def __post_init__(self) -> None:
         if not self.checkpoint_period >= 0:  # inf is fine: none but the one at the end
             raise ValueError(f"checkpoint_period is in seconds and not negative, got {self.checkpoint_period}")
-        checks.counts(self, "evaluation_episodes", least=0)
+        checks.counts(self, "evaluation_episodes", "devices_per_seed", least=0)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import jax
+from jax.sharding import NamedSharding
 
 import t2tl_jax.agents  # noqa: F401, registers the learners and, with them, the task encoders
 from t2tl_jax.env import LabelledEnv
@@ -16,6 +17,7 @@ from t2tl_jax.runs.compilation import Compilation
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import make_pools, make_table
 from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training.devices import seed_sharding
 from t2tl_jax.training.program import OVER_SEEDS, Program, params_of_seeds, trace
 from t2tl_jax.training.seeds import TRAINING, parse_seeds, stream_keys
 from t2tl_jax.training.types import Agent
@@ -59,10 +61,26 @@ class Experiment:
         table = self.table_at(0) if training else self.table
         return params_of_seeds(TaskEnv(self.env, table), self.seeds, training)
 
+    @property
+    def sharding(self) -> NamedSharding | None:
+        """Where the seeds and their environments are placed; None on a single device."""
+        return seed_sharding(len(self.seeds), self.agent.num_envs, self.config.run.devices_per_seed)
+
+    @property
+    def devices(self) -> int:
+        """How many devices train."""
+        return 1 if self.sharding is None else len(self.sharding.device_set)
+
     @cached_property
     def program(self) -> Program:
         """The one program that trains all seeds, traced but not compiled."""
-        return trace(self.agent, self.seeds, self.env_params(training=True), restartable=self.pools is not None)
+        return trace(
+            self.agent,
+            self.seeds,
+            self.env_params(training=True),
+            restartable=self.pools is not None,
+            sharding=self.sharding,
+        )
 
     def compilation(self, fresh: bool) -> Compilation:
         """The program, compiling beside other work since this was first called; see `Compilation`."""

@@ -26,8 +26,8 @@ from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.solved import SolvedWatch, window
 from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.training import transfer
+from t2tl_jax.training.devices import place
 from t2tl_jax.training.program import place_params
-from t2tl_jax.training.seeds import place
 from t2tl_jax.training.types import Metrics
 
 
@@ -63,7 +63,9 @@ class Training:
         frames = experiment.agent.frames_per_iteration
         path = None if self.run_folder is None else self.run_folder.path
         pools = experiment.pools is not None
-        self.progress = progress = Progress(config, experiment.seeds, config.iterations, frames, pools, path)
+        self.progress = progress = Progress(
+            config, experiment.seeds, config.iterations, frames, pools, path, experiment.devices
+        )
         with ExitStack() as stack:
             files = self._open(stack)
             state = self._restore()

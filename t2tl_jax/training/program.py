@@ -1,6 +1,7 @@
 """A learner of one seed made into the one compiled program that trains all seeds of a run."""
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec
 
 from t2tl_jax.task_env import TaskEnv, TaskParams
-from t2tl_jax.training.seeds import TRAINING, seed_sharding, stream_keys
+from t2tl_jax.training.devices import SEEDS
+from t2tl_jax.training.seeds import TRAINING, stream_keys
 from t2tl_jax.training.types import Agent
 
 OVER_SEEDS = TaskParams(env=0, table=None)  # type: ignore[arg-type]
@@ -27,7 +29,7 @@ class Program:
     state: Any
     """Shapes and dtypes of the training state, as a tree of ``jax.ShapeDtypeStruct``."""
     sharding: NamedSharding | None
-    """Placement of the seeds; None on a single device."""
+    """Placement of the seeds, and the mesh of all devices; None on a single device."""
     lowered_init: Any
     """``(keys, env_params) -> state``, ready to compile."""
     lowered_iterate: Any
@@ -52,7 +54,13 @@ def place_params(env_params: TaskParams, sharding: NamedSharding | None) -> Task
     return jax.device_put(env_params, _placement(sharding))
 
 
-def trace(agent: Agent, seeds: Sequence[int], env_params: TaskParams, restartable: bool = False) -> Program:
+def trace(
+    agent: Agent,
+    seeds: Sequence[int],
+    env_params: TaskParams,
+    restartable: bool = False,
+    sharding: NamedSharding | None = None,
+) -> Program:
     """Vmap a learner over seeds and trace it, which finds most mistakes before anything is compiled or written.
 
     A single seed gets a leading axis as well, so that there is one kind of program.
@@ -62,6 +70,7 @@ def trace(agent: Agent, seeds: Sequence[int], env_params: TaskParams, restartabl
         seeds: their numbers.
         env_params: of `params_of_seeds`.
         restartable: whether the tasks are to change during training.
+        sharding: placement of the seeds, of `seed_sharding`; None for a single device.
 
     Raises:
         TypeError: if ``agent.iterate`` returns a state of other shapes or dtypes than it was given.
@@ -69,7 +78,6 @@ def trace(agent: Agent, seeds: Sequence[int], env_params: TaskParams, restartabl
     """
     if restartable and agent.restart is None:
         raise ValueError("this learner cannot go on with other tasks: it remembers steps of the former ones")
-    sharding = seed_sharding(len(seeds))
     tasks = _placement(sharding)
     keys = jax.device_put(stream_keys(seeds, TRAINING), sharding)
     env_params = place_params(env_params, sharding)
@@ -77,23 +85,24 @@ def trace(agent: Agent, seeds: Sequence[int], env_params: TaskParams, restartabl
     def compiled(function: Any, over: Any, **options: Any) -> Any:
         if sharding is not None:
             options |= {"in_shardings": (sharding, tasks), "out_shardings": sharding}
-        return jax.jit(jax.vmap(function, in_axes=over), **options)
+        return jax.jit(jax.vmap(function, in_axes=over, spmd_axis_name=None if sharding is None else SEEDS), **options)
 
     axes = (0, OVER_SEEDS)
-    init = compiled(lambda key, env_params: _strongly_typed(agent.init(key, env_params)), axes)
-    state = _shapes(jax.eval_shape(init, keys, env_params))
-    lowered_iterate = compiled(agent.iterate, axes, donate_argnums=0).lower(state, env_params)
-    _require_same("iterate", state, _shapes(lowered_iterate.out_info[0]))
-    lowered_restart = None
-    if restartable:
-        lowered_restart = compiled(agent.restart, axes, donate_argnums=0).lower(state, env_params)
-        _require_same("restart", state, _shapes(lowered_restart.out_info))
+    with nullcontext() if sharding is None else jax.set_mesh(sharding.mesh):
+        init = compiled(lambda key, env_params: _strongly_typed(agent.init(key, env_params)), axes)
+        state = _shapes(jax.eval_shape(init, keys, env_params))
+        lowered_iterate = compiled(agent.iterate, axes, donate_argnums=0).lower(state, env_params)
+        _require_same("iterate", state, _shapes(lowered_iterate.out_info[0]))
+        lowered_init, lowered_restart = init.lower(keys, env_params), None
+        if restartable:
+            lowered_restart = compiled(agent.restart, axes, donate_argnums=0).lower(state, env_params)
+            _require_same("restart", state, _shapes(lowered_restart.out_info))
     return Program(
         keys=keys,
         env_params=env_params,
         state=state,
         sharding=sharding,
-        lowered_init=init.lower(keys, env_params),
+        lowered_init=lowered_init,
         lowered_iterate=lowered_iterate,
         lowered_restart=lowered_restart,
     )

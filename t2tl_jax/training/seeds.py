@@ -1,11 +1,9 @@
-"""Seeds: reading them from text, deriving independent key streams, placing them on devices."""
+"""Seeds: reading them from text, deriving independent key streams."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import numpy as np
-from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
 TRAINING, EVALUATION, ANIMATION = 1, 2, 3
 """Names of the key streams of a seed. Adding a stream does not move the others."""
@@ -40,24 +38,3 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 def stream_keys(seeds: Sequence[int], stream: int) -> jax.Array:
     """One typed key per seed, ``key[len(seeds)]``, for one of the streams named above."""
     return jax.vmap(lambda seed: jax.random.fold_in(jax.random.key(seed), stream))(np.asarray(seeds, np.uint32))
-
-
-def seed_sharding(count: int, devices: Sequence[jax.Device] | None = None) -> NamedSharding | None:
-    """How to spread a leading axis of ``count`` seeds over devices: evenly, over as many as divide the count.
-
-    Returns None where a single device does all the work. Every array of a training state has the leading seed axis, so
-    this one sharding fits the whole tree.
-    """
-    devices = jax.devices() if devices is None else list(devices)
-    used = max(n for n in range(1, len(devices) + 1) if count % n == 0)
-    if used == 1:
-        return None
-    mesh = Mesh(np.array(devices[:used]), ("seeds",), axis_types=(AxisType.Auto,))
-    return NamedSharding(mesh, PartitionSpec("seeds"))
-
-
-def place(tree: Any, sharding: NamedSharding | None) -> Any:
-    """Move a tree with a leading seed axis to its devices; one copy in every case, never a view of host memory."""
-    if sharding is None:
-        return jax.tree.map(lambda x: jax.numpy.array(x, copy=True), tree)
-    return jax.device_put(tree, sharding)

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 from jax.sharding import NamedSharding
 
-from t2tl_jax.training.seeds import place
+from t2tl_jax.training.devices import place
 from t2tl_jax.training.types import Agent, Params
 
 PART = "task_encoder"

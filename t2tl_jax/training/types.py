@@ -116,6 +116,8 @@ class Agent(NamedTuple):
         another one, else 0. None for learners that do not offer it.
     map_params(train_state, function) -> train_state with `function` applied to every set of the network's parameters
         that it holds.
+    num_envs: environments that `iterate` may spread over devices, where it marks its arrays by `devices.over_envs`; 1
+        for learners that do not.
 
     `env_params` are those of the `TaskEnv`; params are the network's. The arrays of a carry have the leading axes of
     `obs`.
@@ -133,6 +135,7 @@ class Agent(NamedTuple):
     restart: Callable[[Any, TaskParams], Any] | None = None
     compare: Callable[[Params, Carry, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]] | None = None
     map_params: Callable[[Any, Callable[[Params], Params]], Any] = map_params
+    num_envs: int = 1
 
 
 def repeated(carry: Carry, size: int) -> Carry:

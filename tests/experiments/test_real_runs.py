@@ -19,7 +19,7 @@ from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.config import PoolConfig
 from t2tl_jax.runs.experiment import build
-from t2tl_jax.training.seeds import place
+from t2tl_jax.training.devices import place
 
 pytestmark = pytest.mark.slow
 

@@ -6,7 +6,8 @@ import jax
 import numpy as np
 import pytest
 
-from t2tl_jax.training.seeds import parse_seeds, seed_sharding, stream_keys
+from t2tl_jax.training.devices import seed_sharding
+from t2tl_jax.training.seeds import parse_seeds, stream_keys
 
 
 def test_counts_and_lists():
@@ -27,7 +28,16 @@ def test_keys_depend_on_the_seed_alone():
 
 
 def test_one_device_needs_no_sharding():
-    assert seed_sharding(4, jax.devices()[:1]) is None
+    assert seed_sharding(4, devices=jax.devices()[:1]) is None
+
+
+def test_environments_are_spread_evenly_over_the_devices_that_seeds_leave():
+    def meshes(count, **options):
+        placed = seed_sharding(count, devices=jax.devices()[:1] * 4, **options)
+        return None if placed is None else tuple(placed.mesh.shape.values())
+
+    assert [meshes(1, num_envs=8, per_seed=most) for most in (0, 1, 2, 3, 9)] == [(1, 4), None, (1, 2), (1, 2), (1, 4)]
+    assert meshes(2, num_envs=6) == (2, 2) and meshes(3, num_envs=6) == (3, 1) and meshes(1, num_envs=1) is None
 
 
 @pytest.mark.slow
@@ -39,11 +49,11 @@ from envs.zones import ZoneConfig, ZoneEnv
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.program import params_of_seeds, trace
-from t2tl_jax.training.seeds import seed_sharding
+from t2tl_jax.training.devices import seed_sharding
 zones = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=4))
 env = TaskEnv(zones, compile_tasks("F Red", zones.propositions, zones.alphabet))
 def weights(seeds, devices):
-    program = trace(counting(), seeds, params_of_seeds(env, seeds))
+    program = trace(counting(), seeds, params_of_seeds(env, seeds), sharding=seed_sharding(len(seeds)))
     state = program.lowered_init.compile()(program.keys, program.env_params)
     iterate = program.lowered_iterate.compile()
     for _ in range(3): state, metrics = iterate(state, program.env_params)
