@@ -98,8 +98,8 @@ def _main(texts: list[str]) -> int:
         f"Solved: seeds over 95 % in evaluation episodes of the final parameters, sampled policy (a dash: not "
         f"evaluated).\nAll else is of training episodes, sampled policy: seeds over 95 % over the last "
         f"{arguments.last:.0%} of training; since how many\nframes without falling below (median / last seed); "
-        f"discounted return over all of training (area) and over that last part.\nBrackets: 95 % t intervals over "
-        f"seeds."
+        f"discounted return over all of training (area) and over that last part.\nBrackets: 95 % intervals "
+        f"over seeds, of t, for the interquartile mean by bootstrap."
     )
     for path, run in read.items():
         if not run.known.all():
@@ -149,7 +149,7 @@ def _table(runs: Mapping[str, Run], base: Any) -> Iterator[str]:
 
     yield (
         f"{'frames/s':>11}  {'solved':>6}  {'over 95 %':>9}  {'since frames':17}  {'area':20}  "
-        f"{'discounted return':20}  configuration"
+        f"{'discounted return':20}  {'interquartile mean':20}  configuration"
     )
     for path, run in runs.items():
         speed = run.status.get("last_session", {}).get("frames_per_second_all_seeds")
@@ -157,12 +157,14 @@ def _table(runs: Mapping[str, Run], base: Any) -> Iterator[str]:
         first = np.nanmin(run.curves["frames"])  # one iteration's
         reached = np.where(since > 0, since * first, np.inf)
         areas, returns = (statistics.mean(list(run.of(name).values())) for name in ("area", "discounted_return"))
+        middle = statistics.interquartile_mean(list(run.of("discounted_return").values()))
         above = int((run.end["success_rate"][run.known] > statistics.SOLVED).sum())
         over = f"{above}/{run.known.sum()}" if run.known.any() else "-"
         yield (
             f"{'-' if not speed else f'{speed:,.0f}':>11}  {_solved(run):>6}  "
             f"{over:>9}  {_frames(np.median(reached))} / {_frames(reached.max())}  "
             f"{areas.text():20}  {returns.text():20}  "
+            f"{middle.text():20}  "
             f"{' '.join(differences(base, run.config)) or path}"
         )
 
