@@ -39,6 +39,7 @@ class SingleState(LabelledEnv):
     """Action k makes the k-th proposition true for one step. Nothing is observed, and no base reward is paid."""
 
     alphabet: Alphabet = "at_most_one"
+    fixed_start = True
 
     def __init__(self, config: SingleStateConfig = SingleStateConfig()) -> None:
         self.config = config

@@ -2,10 +2,10 @@
 
 import itertools
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import tyro
@@ -16,19 +16,52 @@ from experiments.cli.plugins import import_modules
 from t2tl_jax.errors import UserError
 from t2tl_jax.quiet import quiet_imports
 
+Measure = Literal["discounted_return", "success_rate", "area"]
+
 
 @dataclass(frozen=True)
 class Arguments:
-    """One line per run: what differs from the first run's configuration, and how the last part of training went."""
+    """One line per run: what differs from the first run's configuration, how it learned, and how training ended."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of the runs; the first one is what the others are compared with."""
+    """Folders of the runs; the first one is what the others are compared with. With --pairs, the claimed order: each
+    run is said to be better than those after it."""
     last: float = 0.05
     """Share of the iterations, at the end, over which success and return are averaged."""
     pairs: bool = False
-    """Also test every two runs for a difference of their discounted returns."""
+    """Also test every two runs for a difference, and say whether the claimed order is reproduced."""
+    measure: Measure = "discounted_return"
+    """With --pairs, of what: averages over the last part, or the discounted return over all of training (area)."""
+    margin: float = 0.0
+    """With --pairs, the largest difference that counts as none; there is one only where it is given."""
+    fairness: bool = False
+    """Also print what else differs: sizes of codes and networks, pre-training, seeds that settings were chosen on."""
     figure: Path | None = None
     """Draw the mean curves of all runs into this PNG, beside the paper's where the task is its phi_zone."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is read of one run."""
+
+    folder: Any  # RunFolder
+    config: Any  # Config
+    seeds: tuple[int, ...]
+    curves: Mapping[str, np.ndarray]
+    end: Mapping[str, np.ndarray]
+    status: Mapping[str, Any]
+
+    @property
+    def known(self) -> np.ndarray:
+        """Of which seeds an episode ended in the last part: bool[seeds]."""
+        return np.isfinite(self.end["discounted_return"])
+
+    def of(self, measure: Measure) -> dict[int, float]:
+        """By seed, what it reached, as far as it is known."""
+        from t2tl_jax.runs.metrics_file import area
+
+        values = area(self.curves["discounted_return"]) if measure == "area" else self.end[measure]
+        return {seed: float(value) for seed, value, known in zip(self.seeds, values, self.known, strict=True) if known}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -48,44 +81,53 @@ def _main(texts: list[str]) -> int:
     runs = _each_once(arguments.runs)
     if arguments.pairs and len(runs) < 2:
         raise UserError("--pairs tests two runs or more against each other; name another run")
+    if not arguments.margin >= 0:
+        raise UserError(f"--margin is a difference, 0 or more, got {arguments.margin}")
     with quiet_imports():
         import experiments.configs  # noqa: F401, registers what runs are made of
-        from t2tl_jax.runs import folder as run_folder
-        from t2tl_jax.runs.differences import differences
-        from t2tl_jax.runs.metrics_file import MetricsFileError, ending, history
+        from experiments import fairness, tuning
 
-    base = None
-    curves: dict[str, Mapping[str, np.ndarray]] = {}
-    returns_of: dict[str, np.ndarray] = {}
-    notes = []
-    print(f"{'frames/s':>11}  {'solved':>7}  {'discounted return':21}  configuration")
-    for path in runs:
-        folder, config = run_folder.open_existing(path)
-        base = base or config
-        try:
-            curves[str(path)] = history(folder.metrics)
-        except MetricsFileError as error:
-            raise UserError(str(error)) from error
-        end = ending(curves[str(path)], arguments.last)
-        session = run_folder.read_json(folder.status).get("last_session", {})
-        what = " ".join(differences(base, config)) or str(path)
-        print(_line(session.get("frames_per_second_all_seeds"), end, what))
-        known = np.isfinite(end["discounted_return"])
-        returns_of[str(path)] = end["discounted_return"][known]
-        if not known.all():
-            notes.append(
-                f"{path}: left out {(~known).sum()} of {known.size} seeds, of which no episode ended in that part"
-            )
+    read = {str(path): _read(path, arguments.last) for path in runs}
+    base = next(iter(read.values())).config
+    mixed = tuning.mixture({path: (run.config, run.seeds) for path, run in read.items()})
+    if mixed and arguments.pairs:
+        raise UserError(f"no test: {mixed}")
+    for line in _table(read, base):
+        print(line)
     print(
-        f"Averages over the last {arguments.last:.0%} of training, sampled policy; brackets: 95 % intervals over seeds."
+        f"Solved: seeds over 95 % in evaluation episodes of the final parameters, sampled policy (a dash: not "
+        f"evaluated).\nAll else is of training episodes, sampled policy: seeds over 95 % over the last "
+        f"{arguments.last:.0%} of training; since how many\nframes without falling below (median / last seed); "
+        f"discounted return over all of training (area) and over that last part.\nBrackets: 95 % intervals "
+        f"over seeds, of t, for the interquartile mean by bootstrap."
     )
-    for note in notes:
-        print(f"note: {note}")
+    for path, run in read.items():
+        if not run.known.all():
+            print(f"note: {path}: left out {(~run.known).sum()} of {run.known.size} seeds, of which no episode ended")
+        if tuned := tuning.tuning_seeds(run.config, run.seeds):
+            print(f"note: {path}: settings were chosen on seeds {tuning.in_words(tuned)}, or these are kept for that")
+    if mixed:
+        print(f"note: {mixed}")
+    if arguments.fairness:
+        print("\n" + fairness.table({path: (run.config, run.seeds, run.status) for path, run in read.items()}))
     if arguments.pairs:
-        _test_pairs(returns_of)
+        _test_pairs(read, arguments.measure, arguments.margin)
     if arguments.figure is not None:
-        _draw(curves, arguments.figure, base)
+        _draw({path: run.curves for path, run in read.items()}, arguments.figure, base)
     return 0
+
+
+def _read(path: Path, last: float) -> Run:
+    from t2tl_jax.runs import folder as run_folder
+    from t2tl_jax.runs.metrics_file import MetricsFileError, by_seed, ending, history, read_columns
+
+    folder, config = run_folder.open_existing(path)
+    try:
+        curves = history(folder.metrics)
+        seeds = tuple(by_seed(read_columns(folder.metrics), "frames")[0].tolist())
+    except MetricsFileError as error:
+        raise UserError(str(error)) from error
+    return Run(folder, config, seeds, curves, ending(curves, last), run_folder.read_json(folder.status))
 
 
 def _each_once(paths: Sequence[Path]) -> list[Path]:
@@ -99,28 +141,86 @@ def _each_once(paths: Sequence[Path]) -> list[Path]:
     return list(kept.values())
 
 
-def _line(speed: float | None, end: Mapping[str, np.ndarray], what: str) -> str:
-    """The line of one run, with dashes for what is not known."""
+def _table(runs: Mapping[str, Run], base: Any) -> Iterator[str]:
+    """A line for each run, with dashes for what is not known."""
     from t2tl_jax.evaluation import statistics
-    from t2tl_jax.evaluation.report import SOLVED
+    from t2tl_jax.runs.differences import differences
+    from t2tl_jax.runs.success import success_since, window
 
-    known = np.isfinite(end["discounted_return"])
-    solving = int((end["success_rate"][known] > SOLVED).sum())
-    solved = f"{solving}/{known.sum()}" if known.any() else "-"
-    returns = statistics.mean(end["discounted_return"][known]).text()
-    return f"{'-' if not speed else f'{speed:,.0f}':>11}  {solved:>7}  {returns:21}  {what}"
+    yield (
+        f"{'frames/s':>11}  {'solved':>6}  {'over 95 %':>9}  {'since frames':17}  {'area':20}  "
+        f"{'discounted return':20}  {'interquartile mean':20}  configuration"
+    )
+    for path, run in runs.items():
+        speed = run.status.get("last_session", {}).get("frames_per_second_all_seeds")
+        since = success_since(run.curves["success_rate"], window(run.config))
+        first = np.nanmin(run.curves["frames"])  # one iteration's
+        reached = np.where(since > 0, since * first, np.inf)
+        areas, returns = (statistics.mean(list(run.of(name).values())) for name in ("area", "discounted_return"))
+        middle = statistics.interquartile_mean(list(run.of("discounted_return").values()))
+        above = int((run.end["success_rate"][run.known] > statistics.SOLVED).sum())
+        over = f"{above}/{run.known.sum()}" if run.known.any() else "-"
+        yield (
+            f"{'-' if not speed else f'{speed:,.0f}':>11}  {_solved(run):>6}  "
+            f"{over:>9}  {_frames(np.median(reached))} / {_frames(reached.max())}  "
+            f"{areas.text():20}  {returns.text():20}  "
+            f"{middle.text():20}  "
+            f"{' '.join(differences(base, run.config)) or path}"
+        )
 
 
-def _test_pairs(returns_of: dict[str, np.ndarray]) -> None:
-    from t2tl_jax.evaluation import statistics
+def _solved(run: Run) -> str:
+    from t2tl_jax.registry import make_env
+    from t2tl_jax.runs import evaluations
 
-    print("\ndifference of mean returns, 95 % bootstrap interval, p of a permutation test (two-sided, uncorrected)")
-    for (first, a), (second, b) in itertools.combinations(returns_of.items(), 2):
-        try:
-            gap, p = statistics.difference(a, b)
-            print(f"{gap.text():26}  p={p:.4f}  {first} - {second}")
-        except ValueError as error:  # too few seeds; other pairs may have enough
-            print(f"{'-':26}  p=-       {first} - {second}: {error}")
+    if not any(
+        entry.get("settings", {}).get("checkpoint") in evaluations.FINAL for entry in evaluations.stored(run.folder)
+    ):
+        return "-"  # and the environment need not be built
+    found = evaluations.solved(run.folder, run.config, make_env(run.config.env).backend)
+    return "-" if found is None or found.value is None else f"{round(found.value * found.count)}/{found.count}"
+
+
+def _frames(count: float) -> str:
+    return f"{count:>7,.0f}" if np.isfinite(count) else f"{'-':>7}"
+
+
+def _test_pairs(runs: Mapping[str, Run], measure: Measure, margin: float) -> None:
+    from t2tl_jax.evaluation.comparisons import compare, outcome
+
+    values = {path: run.of(measure) for path, run in runs.items()}
+    found = compare(values, {path: _worlds(run) for path, run in runs.items()})
+    print(
+        f"\nFirst run - second run, means of {measure}: t interval (Welch's, or of pairs where seeds share maps), "
+        f"corrected for {len(found)} comparisons\n(Bonferroni); p of a two-sided permutation test, corrected (Holm); "
+        f"probability that a seed of the first is above one of the second."
+    )
+    for first, second in itertools.combinations(values, 2):
+        if (first, second) in found:
+            each = found[first, second]
+            kind = "paired" if each.paired else "unpaired"
+            print(
+                f"{each.gap.text():24}  p={each.pvalue:.4f}  {each.improvement.text(2):17}  {kind:8}  "
+                f"{outcome(each.gap, margin):14}  {first} > {second}"
+            )
+        else:
+            counts = f"{len(values[first])} and {len(values[second])}"
+            print(f"{'-':24}  p=-  {first} > {second}: a test needs two seeds of each run or more, got {counts}")
+
+
+def _worlds(run: Run) -> Any:
+    """What seed k stands for besides a random number: the environment, where its maps differ by seed; else None."""
+    import jax
+
+    from t2tl_jax.registry import make_env
+
+    try:
+        env = make_env(run.config.env)
+        maps = [jax.tree.leaves(env.make_params(seed)) for seed in run.seeds[:2]]
+    except (UserError, ValueError):  # an environment that was given as an object, or a seed without a map
+        return None
+    differ = len(maps) > 1 and any(not np.array_equal(a, b) for a, b in zip(*maps, strict=True))
+    return run.config.env if differ else None
 
 
 def _draw(curves: Mapping[str, Mapping[str, np.ndarray]], figure: Path, base: Any) -> None:

@@ -23,7 +23,7 @@ class Arguments:
     run: tyro.conf.Positional[Path]
     """Folder of the run."""
     episodes: int = 1000
-    """Episodes per seed and policy."""
+    """Episodes per seed and policy; of the deterministic one a single one per task where all would be the same."""
     checkpoint: Literal["best", "latest"] = "best"
     """The parameters with the highest discounted return in training, or the latest ones."""
     task: str | None = None
@@ -80,7 +80,7 @@ def _evaluate(arguments: Arguments) -> None:
     if result.config.task != stored.task and reader is not None and not reader.learned:
         print("note: a one-hot code does not carry over to another task; its rows now mean other sub-tasks")
     reports = result.evaluate(episodes=arguments.episodes)
-    print(table(reports), flush=True)
+    print(table(reports, final=arguments.checkpoint == "latest"), flush=True)
     evaluations.store(folder, what, reports)
     print(f"stored: {folder.evaluation}", flush=True)
     if arguments.gif and evaluations.draw_episode(result.experiment, result.params, folder):

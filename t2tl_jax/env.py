@@ -63,6 +63,14 @@ class LabelledEnv(Env):
         """The state one step later. `params` are those of the episode's ``reset``."""
 
     @property
+    def fixed_start(self) -> bool:
+        """Whether every reset with the same `params` gives the same state, whatever its key.
+
+        A deterministic policy then plays one and the same episode of a task, which an evaluation plays and counts once.
+        """
+        return False
+
+    @property
     @abc.abstractmethod
     def propositions(self) -> tuple[str, ...]:
         """Names of the atomic propositions, in the order of ``labels``."""

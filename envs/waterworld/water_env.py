@@ -110,6 +110,11 @@ class WaterWorld(LabelledEnv):
         return maps.map_pool(first, count, radii, config.agent_radius, config.arena)
 
     @property
+    def fixed_start(self) -> bool:
+        """Where a seed has one map."""
+        return self.config.layout != "random" or self.config.pool_size == 1
+
+    @property
     def propositions(self) -> tuple[str, ...]:
         """The colours."""
         return self.config.colours

@@ -85,6 +85,11 @@ class ZoneEnv(LabelledEnv):
         return ZoneParams(starts=pool.robots, zones=pool.zones)
 
     @property
+    def fixed_start(self) -> bool:
+        """On the fixed map."""
+        return self.config.layout == "fixed"
+
+    @property
     def propositions(self) -> tuple[str, ...]:
         """Colours on the map, in the published order: Black, White, Red, Yellow on the fixed map."""
         return self._propositions

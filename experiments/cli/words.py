@@ -10,11 +10,11 @@ from t2tl_jax.evaluation.curves import sparkline
 from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.callbacks import Callback, Progress, Row
 from t2tl_jax.runs.result import Result
-from t2tl_jax.runs.solved import window
+from t2tl_jax.runs.success import window
 
 
 class Words(Callback):
-    """Prints the plan, what compiling took, and when the seeds were solved, by the clock of this process."""
+    """Prints the plan, what compiling took, and since when the seeds succeed, by the clock of this process."""
 
     def __init__(self, started: float, what: str = "run") -> None:
         """`started` is when the process began, by ``time.monotonic``; `what` heads the plan."""
@@ -40,21 +40,22 @@ class Words(Callback):
         self._times.append(time.monotonic() - self._started)
 
     def on_end(self, progress: Progress) -> None:
-        """When it was solved."""
+        """Since when it succeeds."""
         if progress.done > progress.started_from:
-            print(self._solved(progress), flush=True)
+            print(self._success(progress), flush=True)
 
-    def _solved(self, progress: Progress) -> str:
-        since = np.array(progress.solved_since)
-        solved = f"{(since > 0).sum()} of {since.size} seeds" if since.size > 1 else "the task"
+    def _success(self, progress: Progress) -> str:
+        since = np.array(progress.success_since)
+        of_seeds = f" of {(since > 0).sum()} of {since.size} seeds" if since.size > 1 else ""
+        above = f"success in training{of_seeds} rose above 95 % and stayed there"
         if not (since > 0).any():
-            return f"not solved: success did not stay above 95 % for {window(progress.config)} iterations in a row"
+            return f"success in training did not stay above 95 % for {window(progress.config)} iterations in a row"
         last = int(since.max())
         frames = f"{last * progress.frames_per_iteration:,} frames"
         if last <= progress.started_from:
-            return f"solved {solved}, in an earlier session, after {frames}"
+            return f"{above}, in an earlier session, after {frames}"
         seconds = self._times[last - progress.started_from - 1]
-        return f"solved {solved} after {frames} and {seconds:.0f} s since the start of the program (success above 95 %)"
+        return f"{above} after {frames} and {seconds:.0f} s since the start of the program"
 
 
 def _plan(progress: Progress, what: str) -> str:
@@ -115,8 +116,10 @@ def curves_table(result: Result) -> str:
 def ending(result: Result) -> str:
     """Why a training ended before its last iteration; '' for one that did not."""
     at = f"after iteration {result.iteration:,} of at most {result.config.iterations:,}"
-    if result.ended in ("converged", "solved"):
-        return f"{result.ended} {at}"
+    if result.ended == "success":
+        return f"success in training stays above 95 %: ended {at}"
+    if result.ended == "converged":
+        return f"converged {at}"
     return "" if result.ended in ("complete", "interrupted") else f"ended {at}: {result.ended}"
 
 

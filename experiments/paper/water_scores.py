@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tyro
@@ -16,6 +17,7 @@ from experiments.cli.errors import guarded
 from experiments.cli.flags import parse
 from experiments.paper import published_water
 from t2tl_jax.errors import UserError
+from t2tl_jax.evaluation.comparisons import compare, outcome
 from t2tl_jax.evaluation.scores import best_scores, normalised_scores, return_by_episode
 from t2tl_jax.quiet import quiet_imports
 
@@ -42,7 +44,7 @@ def _main(texts: list[str]) -> int:
         from t2tl_jax.runs import folder as run_folder
         from t2tl_jax.runs.metrics_file import MetricsFileError, read_columns
 
-    tables = {}
+    tables, maps = {}, {}
     for path in arguments.runs:
         folder, config = run_folder.open_existing(path)
         if not isinstance(config.env, WaterWorldConfig):
@@ -54,6 +56,7 @@ def _main(texts: list[str]) -> int:
             columns = tables[str(path)] = read_columns(folder.metrics)
         except MetricsFileError as error:
             raise UserError(str(error)) from error
+        maps[str(path)] = config.env if config.env.layout == "by_seed" else None
         if _is_of_ten_tasks(columns) and config.env.layout != "by_seed":
             raise UserError(
                 f"{path} was trained with env.layout={config.env.layout}; the published scores are normalised by map, "
@@ -62,7 +65,7 @@ def _main(texts: list[str]) -> int:
     ten_tasks = [path for path, columns in tables.items() if _is_of_ten_tasks(columns)]
     if ten_tasks and len(ten_tasks) < len(tables):
         raise UserError(f"only {', '.join(ten_tasks)} trained on the ten tasks; give runs of one kind")
-    for line in _normalised(tables) if ten_tasks else _by_episode(tables):
+    for line in _normalised(tables) if ten_tasks else _by_episode(tables, maps):
         print(line)
     return 0
 
@@ -92,15 +95,34 @@ def _normalised(tables: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[str]
         yield _line(f"published {name}", cells) + "   (10 maps x 2)"
 
 
-def _by_episode(tables: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[str]:
-    """Return of the last 500 episodes of each run at the published episodes, mean and standard deviation over seeds."""
+def _by_episode(tables: Mapping[str, Mapping[str, np.ndarray]], maps: Mapping[str, Any]) -> Iterator[str]:
+    """Return of the last 500 episodes of each run at the published episodes, mean and standard deviation over seeds.
+
+    Then every two runs in the order given, by each seed's mean over these episodes; seeds that did not play them all
+    are left out.
+
+    Args:
+        tables: of metrics, by run.
+        maps: by run, what says which map each seed has; None where a seed is nothing but a random number.
+    """
+    means = {}
     yield _line("return of the last 500 episodes at", list(map(str, published_water.EPISODES)))
     for path, columns in tables.items():
         seeds = np.unique(columns["seed"]).astype(int)
         curves = np.array([return_by_episode(columns, seed, published_water.EPISODES) for seed in seeds])
         yield _line(path, [_mean_and_deviation(at[np.isfinite(at)]) for at in curves.T]) + f"   ({len(seeds)} seeds)"
+        means[path] = {int(seed): float(np.mean(own)) for seed, own in zip(seeds, curves, strict=True)}
     for name, values in published_water.PHI_WATER.items():
         yield _line(f"published {name} (phi_water)", [f"{value:.2f}" for value in values])
+    played = {path: {seed: own for seed, own in by_seed.items() if np.isfinite(own)} for path, by_seed in means.items()}
+    found = compare(played, maps)
+    if found:
+        yield f"difference of the means over these episodes, corrected for {len(found)} comparisons"
+    for (first, second), each in found.items():
+        yield (
+            f"{each.gap.text():24}  p={each.pvalue:.4f}  {'paired' if each.paired else 'unpaired':8}  "
+            f"{outcome(each.gap):14}  {first} > {second}"
+        )
 
 
 def _at(steps: int, x: np.ndarray, score: np.ndarray) -> float | None:

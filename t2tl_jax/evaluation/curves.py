@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from t2tl_jax.evaluation.statistics import bootstrap_band
+from t2tl_jax.evaluation.statistics import band
 
 PANELS = (
     ("success_rate", "success rate"),
@@ -25,7 +25,7 @@ def plot_learning_curves(
     title: str = "",
     published: Mapping[str, Curve] | None = None,
 ) -> None:
-    """Draw the curves of a run: a thin line per seed, their mean, and its 95 % bootstrap interval over seeds.
+    """Draw the curves of a run: a thin line per seed, their mean, and its 95 % t interval over seeds.
 
     Args:
         metrics: by name, ``float[seeds, iterations]``, such as `Result.metrics`; NaN where absent.
@@ -40,7 +40,7 @@ def plot_learning_curves(
     canvas = FigureCanvasAgg(figure)
     for axes, (name, label) in zip(figure.subplots(1, len(PANELS)), PANELS, strict=True):
         values = metrics[name]
-        centre, low, high = bootstrap_band(values)
+        centre, low, high = band(values)
         if len(values) > 1:
             for line in values:
                 axes.plot(frames, line, color="C0", linewidth=0.6, alpha=0.4)
@@ -64,7 +64,7 @@ def plot_learning_curves(
 def plot_runs(
     runs: Mapping[str, Mapping[str, np.ndarray]], target: Path, published: Mapping[str, Curve] | None = None
 ) -> None:
-    """Draw the discounted return of several runs, each with its 95 % bootstrap interval over seeds.
+    """Draw the discounted return of several runs, each with its 95 % t interval over seeds.
 
     Args:
         runs: the metrics of each run, as for `plot_learning_curves`, by name.
@@ -76,7 +76,7 @@ def plot_runs(
     axes = figure.subplots()
     for index, (name, metrics) in enumerate(runs.items()):
         frames, values = _frames(metrics), metrics["discounted_return"]
-        centre, low, high = bootstrap_band(values)
+        centre, low, high = band(values)
         axes.fill_between(frames, low, high, color=f"C{index}", alpha=0.15, linewidth=0)
         axes.plot(frames, centre, color=f"C{index}", linewidth=1.6, label=f"{name} ({len(values)} seeds)")
     for index, (name, (x, y)) in enumerate((published or {}).items()):

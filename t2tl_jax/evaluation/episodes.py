@@ -22,6 +22,7 @@ class Episodes:
     env_termination: jax.Array  # bool, ended by the environment itself while the task was open
     total_reward: jax.Array  # float32, undiscounted
     discounted_return: jax.Array  # float32, sum of discount^t r_t from t = 0
+    paper_return: jax.Array  # float32, total_reward * discount^(length - 1), what the paper's code logs
     length: jax.Array  # int32, environment steps
 
 
@@ -60,7 +61,7 @@ def first_episodes(
     reset_key, key = jax.random.split(key)
     first = begin(env, env_params, reset_key, episodes, episode_length)
     none, zero = jnp.zeros(episodes, bool), jnp.zeros(episodes)
-    unknown = Episodes(none, none, none, zero, zero, jnp.zeros(episodes, jnp.int32))
+    unknown = Episodes(none, none, none, zero, zero, zero, jnp.zeros(episodes, jnp.int32))
 
     def result(step: Step) -> Episodes:
         """What the step adds: the outcome of a first episode in its last step, else nothing."""
@@ -72,6 +73,7 @@ def first_episodes(
             env_termination=ended & step.terminated & (verdict == 0),
             total_reward=jnp.where(ended, step.total, 0.0),
             discounted_return=jnp.where(ended, step.discounted, 0.0),
+            paper_return=jnp.where(ended, step.total * discount ** (step.elapsed - 1.0), 0.0),
             length=jnp.where(ended, step.elapsed, 0),
         )
 
@@ -98,6 +100,11 @@ def first_episodes(
 
     start: tuple[Episode, Carry, Episodes, jax.Array] = (first, carry, unknown, jnp.int32(0))
     return jax.lax.while_loop(under_way, go_on, start)[2]
+
+
+def distinct(env: TaskEnv, episodes: int, deterministic: bool) -> int:
+    """How many of so many episodes can differ: a deterministic policy from a fixed start has one for each task."""
+    return min(episodes, env.table.num_tasks) if deterministic and env.env.fixed_start else episodes
 
 
 def evaluate_seeds(

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from t2tl_jax.evaluation.episodes import Episodes
-from t2tl_jax.evaluation.statistics import SOLVED, Estimate, mean, rate
+from t2tl_jax.evaluation.statistics import SOLVED, Estimate, mean, mean_rate, rate
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,10 @@ class SeedReport:
     success_length: Estimate
     """Steps of the successful episodes; t interval."""
     discounted_return: Estimate
-    """Mean of the sum of discount^t r_t from t = 0; t interval."""
+    """Mean of the sum of discount^t r_t from t = 0, whatever the rewards; t interval."""
+    paper_return: Estimate
+    """The paper's average discounted return: the mean of (sum of r_t) * discount^(steps - 1); t interval. The same
+    where only the last step pays, as formulas do."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class Report:
     seeds: tuple[SeedReport, ...]
     """Each seed by itself."""
     success_rate: Estimate
-    """Mean over seeds; t interval over seeds, as for the other means. None as interval with a single seed."""
+    """Mean over seeds, as the other rates; Wilson interval with one trial a seed. None with a single seed."""
     violation_rate: Estimate
     """Mean over seeds."""
     timeout_rate: Estimate
@@ -46,11 +49,14 @@ class Report:
     env_termination_rate: Estimate
     """Mean over seeds."""
     success_length: Estimate
-    """Mean over the seeds that succeeded at least once."""
+    """Mean over the seeds that succeeded at least once; t interval over seeds. None as interval with a single seed."""
     discounted_return: Estimate
-    """Mean over seeds."""
+    """Mean over seeds, likewise."""
+    paper_return: Estimate
+    """Mean over seeds, likewise."""
     solved: Estimate
-    """Share of seeds whose success rate exceeds 95 %; Wilson interval over seeds."""
+    """Share of seeds whose success rate exceeds 95 %; Wilson interval over seeds. A seed has *solved* its task when
+    this was played by its final parameters."""
 
     def as_json(self) -> dict[str, Any]:
         """The same as nested dictionaries, lists, numbers and None."""
@@ -69,32 +75,35 @@ def summarise(episodes: Episodes, seeds: Sequence[int]) -> Report:
         for index, seed in enumerate(seeds)
     )
 
-    def over_seeds(name: str, lowest: float = float("-inf"), highest: float = float("inf")) -> Estimate:
+    def known(name: str) -> list[float]:
         values = [getattr(report, name).value for report in reports]
-        return mean([value for value in values if value is not None], lowest, highest)
+        return [value for value in values if value is not None]
 
     solving = sum((report.success_rate.value or 0.0) > SOLVED for report in reports)
     return Report(
         seeds=reports,
-        success_rate=over_seeds("success_rate", 0.0, 1.0),
-        violation_rate=over_seeds("violation_rate", 0.0, 1.0),
-        timeout_rate=over_seeds("timeout_rate", 0.0, 1.0),
-        env_termination_rate=over_seeds("env_termination_rate", 0.0, 1.0),
-        success_length=over_seeds("success_length", lowest=0.0),
-        discounted_return=over_seeds("discounted_return"),
+        success_rate=mean_rate(known("success_rate")),
+        violation_rate=mean_rate(known("violation_rate")),
+        timeout_rate=mean_rate(known("timeout_rate")),
+        env_termination_rate=mean_rate(known("env_termination_rate")),
+        success_length=mean(known("success_length"), lowest=0.0),
+        discounted_return=mean(known("discounted_return")),
+        paper_return=mean(known("paper_return")),
         solved=rate(solving, len(reports)),
     )
 
 
-def table(reports: Mapping[str, Report]) -> str:
+def table(reports: Mapping[str, Report], final: bool = False) -> str:
     """A table to print: one line per policy and seed, and one over the seeds.
 
     Args:
         reports: by the name of the policy, for instance ``{"deterministic": ..., "sampled": ...}``.
+        final: whether the final parameters played: of these alone it is said that they solve the task.
     """
     header = (
         "policy",
         "seed",
+        "episodes",
         "success",
         "violation",
         "time-out",
@@ -104,23 +113,27 @@ def table(reports: Mapping[str, Report]) -> str:
     )
     lines: list[tuple[str, ...]] = [header]
     for policy, report in reports.items():
-        lines += [(policy, str(seed.seed), *_cells(seed)) for seed in report.seeds]
+        lines += [(policy, str(seed.seed), str(seed.success_rate.count), *_cells(seed)) for seed in report.seeds]
         if len(report.seeds) > 1:
-            lines.append((policy, "mean", *_cells(report)))
+            lines.append((policy, "mean", "", *_cells(report)))
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     text = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
     text.insert(1, "  ".join("-" * width for width in widths))
     for policy, report in reports.items():
-        solved = round((report.solved.value or 0.0) * report.solved.count)
-        text.append(
-            f"{policy}: {solved} of {report.solved.count} seeds solve the task (success above {SOLVED:.0%}),"
-            f" mean discounted return {report.discounted_return.text()}"
-            if len(report.seeds) > 1
-            else f"{policy}: the task is {'solved' if solved else 'not solved'} (success above {SOLVED:.0%}),"
-            f" discounted return {report.seeds[0].discounted_return.text()}"
-        )
+        text.append(f"{policy}: {_above(report, final)}, mean discounted return {report.discounted_return.text()}")
+    if len({seed.success_rate.count for report in reports.values() for seed in report.seeds}) > 1:
+        text.append("Where start, dynamics and policy are deterministic, a task's episode repeats; it counts once.")
     text.append("Brackets: 95 % intervals, over the episodes of a seed and, in the lines 'mean', over seeds.")
     return "\n".join(text)
+
+
+def _above(report: Report, final: bool) -> str:
+    """How many seeds are above the threshold; that the task is solved only of final parameters."""
+    count, above = report.solved.count, round((report.solved.value or 0.0) * report.solved.count)
+    if not final:
+        return f"success above {SOLVED:.0%} in {above} of {count} seeds"
+    solved = f"{above} of {count} seeds solve the task" if count > 1 else f"the task is {'' if above else 'not '}solved"
+    return f"{solved} (success above {SOLVED:.0%}, final parameters)"
 
 
 def _seed_report(seed: int, episodes: Episodes) -> SeedReport:
@@ -134,6 +147,7 @@ def _seed_report(seed: int, episodes: Episodes) -> SeedReport:
         env_termination_rate=rate(int(episodes.env_termination.sum()), count),
         success_length=mean(np.asarray(episodes.length[episodes.success]), lowest=1.0),
         discounted_return=mean(np.asarray(episodes.discounted_return)),
+        paper_return=mean(np.asarray(episodes.paper_return)),
     )
 
 

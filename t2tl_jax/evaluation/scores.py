@@ -47,7 +47,9 @@ def normalised_scores(
 def return_by_episode(
     columns: Mapping[str, np.ndarray], seed: int, marks: Sequence[int], window: int = 500
 ) -> np.ndarray:
-    """Average return (+1 success, -1 violation) of the last episodes at each mark, ``float[marks]``; NaN later.
+    """Average return without discount (+1 success, -1 violation) of the last episodes at each mark, ``float[marks]``.
+
+    NaN at marks that were not reached.
 
     Args:
         columns: of a metrics file.

@@ -41,7 +41,7 @@ class Progress:
     """What compiling took in this session."""
     train_seconds: float = 0.0
     """What training took in this session, so far."""
-    solved_since: tuple[int, ...] = ()
+    success_since: tuple[int, ...] = ()
     """By seed, the iteration from which on its success rate stayed above 95 %, counted from 1; 0 while it does not."""
     stop: str = ""
     """Why the training is to end before its last iteration, in a few words; '' to go on."""

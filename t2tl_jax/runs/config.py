@@ -109,8 +109,8 @@ class Config:
     frames: Count = 10_000_000
     """Environment steps of every seed; rounded up to whole iterations."""
     until_solved: bool = False
-    """Stop before that when every seed has solved its task: success over 95 % in each of the last iterations, as many
-    as an episode takes that runs into the time limit, and at least five."""
+    """Stop before that when every seed seems to have solved its task: success in training over 95 % in each of the
+    last iterations, as many as an episode takes that runs into the time limit, and at least five."""
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
     """Stop before that when training has converged. Schedules over the run do not move."""
     pretrained: str = ""

@@ -6,9 +6,11 @@ from typing import Any
 
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.animation import captions, record, save_gif
-from t2tl_jax.evaluation.episodes import evaluate_seeds
+from t2tl_jax.evaluation.episodes import distinct, evaluate_seeds
 from t2tl_jax.evaluation.report import Report, summarise
+from t2tl_jax.evaluation.statistics import Estimate
 from t2tl_jax.runs import machine_files
+from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.policy import of_seed
@@ -40,10 +42,12 @@ def evaluate(experiment: Experiment, params: Params, episodes: int, episode_leng
 
     Both programs compile and run side by side.
 
+    Where every episode of a task starts alike, a deterministic policy plays each task once: more would be the same.
+
     Args:
         experiment: environment, task and learner.
         params: with leading axis [seeds].
-        episodes: per seed and policy.
+        episodes: per seed and policy, at most.
         episode_length: time limit in steps.
     """
     seeds, discount = experiment.seeds, experiment.config.learner.discount
@@ -56,7 +60,7 @@ def evaluate(experiment: Experiment, params: Params, episodes: int, episode_leng
             params,
             env_params,
             keys,
-            episodes,
+            distinct(experiment.task_env, episodes, deterministic),
             episode_length,
             discount,
             deterministic,
@@ -94,6 +98,44 @@ def store(folder: RunFolder, what: Settings, reports: dict[str, Report]) -> None
         write_json(folder.evaluation, {"evaluations": [*kept, entry]})
     except OSError as error:
         raise UserError(f"cannot write {folder.evaluation}: {error.strerror or error}") from error
+
+
+FINAL = ("final", "latest")
+"""Words for the parameters that training ended with."""
+
+
+def solved(folder: RunFolder, config: Config, physics: str) -> Estimate | None:
+    """Share of seeds that solved the run's own task: success over 95 % with the final parameters, sampled policy.
+
+    Args:
+        folder: of the run, whose stored evaluations are read.
+        config: its configuration.
+        physics: of its environment.
+
+    Returns:
+        None if no evaluation of these parameters is stored.
+
+    Raises:
+        UserError: if the file holds something else.
+    """
+    own = {
+        "task": machine_files.name_of(config.task, folder.path),
+        "physics": physics,
+        "episode_length": config.episode_length,
+        "iteration": read_json(folder.status).get("iteration"),
+    }
+    found = None
+    for entry in stored(folder):
+        what = entry.get("settings", {})
+        if what.get("checkpoint") in FINAL and all(
+            what.get(name, value) == value  # older files do not name all of them
+            for name, value in own.items()
+        ):
+            try:
+                found = Estimate(**entry["policies"]["sampled"]["solved"])
+            except (KeyError, TypeError) as error:
+                raise UserError(f"{folder.evaluation} lacks the share of solved seeds: {error!r}") from error
+    return found
 
 
 def draw_episode(experiment: Experiment, params: Params, folder: RunFolder) -> bool:

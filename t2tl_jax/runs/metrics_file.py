@@ -233,6 +233,20 @@ def history(path: Path) -> dict[str, np.ndarray]:
     return {name: by_seed(columns, name)[2] for name in columns if name not in ("iteration", "seed")}
 
 
+def area(values: np.ndarray) -> np.ndarray:
+    """Area under learning curves over their length, which is their average over all frames: float64[seeds].
+
+    Iterations are equally long. One in which no episode ended has the value of the one before, and 0 at the start.
+
+    Args:
+        values: float[seeds, iterations], NaN where no episode ended.
+    """
+    known = np.isfinite(values)
+    latest = np.maximum.accumulate(np.where(known, np.arange(values.shape[1]), -1), axis=1)
+    filled = np.take_along_axis(values, np.maximum(latest, 0), axis=1)
+    return np.where(latest >= 0, filled, 0.0).mean(axis=1)
+
+
 def ending(curves: Mapping[str, np.ndarray], last: float) -> dict[str, np.ndarray]:
     """Average the last iterations of a run, every finished episode counting once.
 

@@ -17,7 +17,7 @@ from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.policy import Policy, of_seed
 from t2tl_jax.runs.pools import make_table
-from t2tl_jax.runs.solved import solved_since, window
+from t2tl_jax.runs.success import success_since, window
 from t2tl_jax.training.types import Params
 
 
@@ -35,7 +35,8 @@ class Result:
     iteration: int
     """Iterations behind us."""
     ended: str = "complete"
-    """Why the training ended: complete, converged, solved, interrupted, or what a callback gave as reason."""
+    """Why the training ended: complete, converged, success (see `until_solved`), interrupted, or what a callback gave
+    as reason."""
     folder: Path | None = None
     """Where the run lies; None for one that is not kept on disk."""
 
@@ -50,10 +51,13 @@ class Result:
         return self.experiment.seeds
 
     @property
-    def solved(self) -> dict[int, int | None]:
-        """By seed, the frames after which its success rate rose above 95 % and stayed there to the end; None if not."""
+    def success_since(self) -> dict[int, int | None]:
+        """By seed, the frames after which its success rate in training rose above 95 % and stayed there; None if not.
+
+        Whether a seed has solved its task is for an evaluation of its final parameters to say, see `evaluate`.
+        """
         since = (
-            solved_since(self.metrics["success_rate"], window(self.config))
+            success_since(self.metrics["success_rate"], window(self.config))
             if "success_rate" in self.metrics
             else np.zeros(0, int)
         )

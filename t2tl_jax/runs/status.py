@@ -1,4 +1,4 @@
-"""``status.json`` of a run: how far it is, what that took, when its seeds were solved."""
+"""``status.json`` of a run: how far it is, what that took, since when its seeds succeed."""
 
 from typing import Any
 
@@ -50,6 +50,8 @@ class StatusFile(Callback):
             "compile_seconds": round(before.get("compile_seconds", 0.0) + progress.compile_seconds, 2),
             "training_seconds": round(before.get("training_seconds", 0.0) + progress.train_seconds, 2),
         }
-        solved = [since * frames or None for since in progress.solved_since]
-        status["solved_after_frames"] = solved or self._earlier.get("solved_after_frames")
+        since = [since * frames or None for since in progress.success_since]
+        status["success_since_frames"] = since or self._earlier.get(
+            "success_since_frames", self._earlier.get("solved_after_frames")
+        )
         write_json(self._folder.status, status | progress.notes)

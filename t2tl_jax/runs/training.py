@@ -23,8 +23,8 @@ from t2tl_jax.runs.loggers import CSVLogger, TensorBoardLogger
 from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to, rows
 from t2tl_jax.runs.prefetch import Prefetch
 from t2tl_jax.runs.result import Result
-from t2tl_jax.runs.solved import SolvedWatch, window
 from t2tl_jax.runs.status import StatusFile
+from t2tl_jax.runs.success import SuccessWatch, window
 from t2tl_jax.training import transfer
 from t2tl_jax.training.devices import place
 from t2tl_jax.training.program import place_params
@@ -50,7 +50,7 @@ class Training:
     checkpoints: Checkpoints | None = field(init=False, default=None)
     past: History = field(init=False)
     convergence: Convergence = field(init=False)
-    solved: SolvedWatch = field(init=False)
+    success: SuccessWatch = field(init=False)
 
     def run(self) -> Result:
         """Train to the end, or to a reason to stop.
@@ -117,7 +117,7 @@ class Training:
         seeds = len(experiment.seeds)
         self.past = History(earlier)
         self.convergence = Convergence(config.convergence, seeds, earlier.get("discounted_return"))
-        self.solved = SolvedWatch(seeds, window(config), earlier.get("success_rate"))
+        self.success = SuccessWatch(seeds, window(config), earlier.get("success_rate"))
         return state
 
     def _earlier(self, done: int) -> dict[str, np.ndarray]:
@@ -140,7 +140,7 @@ class Training:
             return "interrupted"
         if self.convergence.reached:
             return "converged"
-        return "solved" if self.experiment.config.until_solved and self.solved.all else ""
+        return "success" if self.experiment.config.until_solved and self.success.all else ""
 
     def _begin(self, state: Any) -> tuple[Compiled, Any]:
         """Compile, beside the pre-training of a new run if it has one, and make its first state."""
@@ -184,8 +184,8 @@ class Training:
             progress.done, progress.train_seconds = iteration, time.monotonic() - begin
             new = rows(metrics, iteration, iteration * frames, progress.seeds)
             self.convergence.add(new)
-            self.solved.add(new)
-            progress.solved_since = tuple(int(since) for since in self.solved.since)
+            self.success.add(new)
+            progress.success_since = tuple(int(since) for since in self.success.since)
             for callback in callbacks:
                 callback.on_iteration(progress, new)
 

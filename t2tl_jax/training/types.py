@@ -26,8 +26,9 @@ Carry = Any  # a pytree: what a policy takes from step to step of an episode
 class EpisodeTotals:
     """Sums over the episodes that finished during one iteration; all scalars, so that they add up over iterations.
 
-    Every episode counts as exactly one of success, violation, timeout and env_termination. `discounted_return` is the
-    paper's "average discounted return" before averaging: the sum of discount^t r_t from t = 0. Lengths count steps.
+    Every episode counts as exactly one of success, violation, timeout and env_termination. `discounted_return` is
+    the sum of discount^t r_t from t = 0, whatever the rewards; the paper's measure, the total reward times
+    discount^(length - 1), equals it where only the last step pays. Lengths count steps.
     """
 
     episodes: jax.Array  # int32

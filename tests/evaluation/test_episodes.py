@@ -1,5 +1,7 @@
 """Evaluation counts the first episode of every environment, as what its end says it is."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -75,7 +77,7 @@ def test_rates_are_those_of_the_environment(played):
         assert seed.success_length.value == 1.0
         assert seed.discounted_return.value == pytest.approx(seed.success_rate.value - seed.violation_rate.value)
     assert report.solved.value == 0.0
-    assert "0 of 2 seeds solve" in table({"deterministic": report})
+    assert "0 of 2 seeds solve" in table({"deterministic": report}, final=True)
 
 
 def test_only_the_first_episode_counts(played):
@@ -85,6 +87,7 @@ def test_only_the_first_episode_counts(played):
     assert (played.length[flags == 0] == 40).all()
     np.testing.assert_array_equal(played.total_reward, played.success.astype(float) - played.violation)
     np.testing.assert_array_equal(played.discounted_return, played.total_reward)
+    np.testing.assert_array_equal(played.paper_return, played.discounted_return)
 
 
 def test_seeds_have_their_own_streams(played):
@@ -107,6 +110,8 @@ def test_rewards_are_discounted_from_the_first_step():
     episodes = run(jax.random.key(0))
     assert episodes.length.tolist() == [33] * 3 and episodes.total_reward.tolist() == [33] * 3
     np.testing.assert_allclose(episodes.discounted_return, sum(0.9**t for t in range(33)), rtol=1e-5)
+    # The paper's measure discounts all of it by the length, which is the same where only the last step pays.
+    np.testing.assert_allclose(episodes.paper_return, 33 * 0.9**32, rtol=1e-5)
     assert not (episodes.success | episodes.violation | episodes.env_termination).any()
 
 
@@ -117,13 +122,29 @@ def test_a_report_by_hand():
         env_termination=np.array([[False, False, True, False]]),
         total_reward=np.array([[1.0, -1.0, -10.0, 0.0]], np.float32),
         discounted_return=np.array([[0.25, -0.5, -10.0, 0.0]], np.float32),
+        paper_return=np.array([[0.25, -0.5, -10.0, 0.0]], np.float32),
         length=np.array([[3, 2, 1, 5]], np.int32),
     )
     report = summarise(episodes, (0,))
     assert report.seeds[0].discounted_return.value == pytest.approx(-10.25 / 4)
     assert [report.seeds[0].timeout_rate.value, report.env_termination_rate.value] == [0.25, 0.25]
     assert report.success_rate.low is None
-    assert "not solved" in table({"sampled": report})
+    assert "not solved" in table({"sampled": report}, final=True)
+    assert "solve" not in table({"sampled": report})  # nothing is said of other parameters than the final ones
+
+
+def test_seeds_that_all_succeed_leave_an_interval(played):
+    """Of two seeds without a failure it is not known how often a third one fails."""
+    perfect = dataclasses.replace(
+        played,
+        success=np.ones_like(played.success),
+        violation=np.zeros_like(played.success),
+        env_termination=np.zeros_like(played.success),
+    )
+    report = summarise(perfect, (0, 4))
+    assert report.success_rate.value == 1.0 and report.success_rate.low < 0.5
+    assert report.violation_rate.value == 0.0 and report.violation_rate.high > 0.5
+    assert report.seeds[0].success_rate.low > 0.99  # of its 2,000 different episodes
 
 
 def test_sparkline():

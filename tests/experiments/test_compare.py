@@ -1,5 +1,7 @@
 """Comparing runs by command: what is not known, what is given twice, tests and pictures."""
 
+import json
+import re
 from pathlib import Path
 
 import pytest
@@ -34,7 +36,7 @@ def incomplete(metrics, tmp_path):
 def test_what_is_not_known_is_a_dash(incomplete, capsys):
     assert main([str(incomplete), "--last", "0.01"]) == 0
     shown = capsys.readouterr().out
-    assert shown.splitlines()[1].split()[:3] == ["-", "1/1", "0.400"]
+    assert shown.splitlines()[1].split()[:3] == ["-", "-", "1/1"]
     assert f"note: {incomplete}: left out 1 of 2 seeds" in shown
 
     (incomplete / "metrics.csv").write_text(f"{HEADER}\n1,10,0,0,,,,,,\n1,10,1,0,,,,,,\n")
@@ -62,8 +64,63 @@ def test_runs_are_tested_and_drawn(tmp_path, capsys):
     runs, figure = [str(RESULTS / name) for name in ("t2tl", "gnn", "dfa")], tmp_path / "curves.png"
     assert main([*runs, "--pairs", "True", "--figure", str(figure)]) == 0
     shown = capsys.readouterr().out
-    assert shown.count("p=") == 3 and "0.021 [0.004, 0.037]" in shown  # t2tl - gnn, as in docs/results.md
+    assert shown.count("p=") == 3 and "0.021 [-0.002, 0.044]" in shown and shown.count("undecided") == 3
     assert figure.stat().st_size > 10_000
     assert main([runs[0], "--figure", str(tmp_path / "nowhere" / "x.png")]) == 2
     assert main([runs[0], "--figure", str(tmp_path / "x.pdf")]) == 2 and not (tmp_path / "x.pdf").exists()
     assert "cannot write" in capsys.readouterr().err
+    assert main([*runs, "--margin", "-1"]) == 2
+
+
+def test_area_and_time_to_95_percent(capsys):
+    assert main([str(RESULTS / "t1tl"), "--last", "0.05"]) == 0
+    cells = capsys.readouterr().out.splitlines()[1].split()
+    assert cells[1:6] == ["-", "12/12", "3,997,696", "/", "4,849,664"] and cells[6] == "0.501"
+
+
+def test_water_worlds_maps_make_pairs(capsys):
+    """Seed k has map k in both runs; on ZoneEnv's one map a seed is nothing but a number."""
+    runs = [str(RESULTS.parent / "water_h200" / name) for name in ("phi_rm", "phi_dfa")]
+    assert main([*runs, "--pairs", "True", "--measure", "success_rate", "--margin", "0.3"]) == 0
+    shown = capsys.readouterr().out
+    assert " paired " in shown and "not reproduced" in shown and "10/12" in shown and "7/12" in shown
+
+
+def test_solved_is_said_of_final_parameters_alone(tmp_path, capsys):
+    """Success in training is another column; evaluations of other parameters or other tasks are not asked."""
+    for name in ("config.json", "metrics.csv", "status.json"):
+        (tmp_path / name).write_bytes((RESULTS.parent / "water_h200" / "phi_dfa" / name).read_bytes())
+    entries = json.loads((RESULTS.parent / "water_h200" / "phi_dfa" / "evaluation.json").read_text())["evaluations"]
+    best = next(entry for entry in entries if entry["settings"]["episode_length"] == 600)
+    assert best["settings"]["checkpoint"] == "best"
+
+    def shown(*changes):
+        stored = [{**best, "settings": {**best["settings"], **change}} for change in changes]
+        (tmp_path / "evaluation.json").write_text(json.dumps({"evaluations": stored}))
+        assert main([str(tmp_path)]) == 0
+        return capsys.readouterr().out.splitlines()[1].split()[1:3]
+
+    assert shown({}) == ["-", "7/12"]
+    assert shown({"checkpoint": "latest"}) == ["11/12", "7/12"]
+    assert shown({"checkpoint": "latest", "task": "F a"}) == shown({"checkpoint": "latest", "iteration": 1})
+    assert shown({"checkpoint": "latest", "episode_length": 50}) == ["-", "7/12"]
+
+
+def test_tuning_seeds_are_not_tested_against_reported_ones(capsys):
+    tuned, fresh = (str(RESULTS.parent / name) for name in ("zone_tuning/t2_4", "zone_short_h200/t2tl"))
+    assert main([tuned, fresh]) == 0
+    shown = capsys.readouterr().out
+    assert f"note: {tuned}: settings were chosen on seeds 100-111" in shown
+    assert "on some of these seeds and not on others" in shown
+    assert main([tuned, fresh, "--pairs", "True"]) == 2
+    assert "no test: settings were chosen on some" in capsys.readouterr().err
+
+
+def test_what_else_differs(capsys):
+    runs = [str(RESULTS.parent / "water_h200" / name) for name in ("phi_t1tl", "phi_rm")]
+    assert main([*runs, "--fairness", "True"]) == 0
+    shown = capsys.readouterr().out.split("\n\n")[1].splitlines()
+    learned, coded = (dict(zip(re.split(r"  +", shown[0]), re.split(r"  +", line), strict=True)) for line in shown[1:3])
+    assert learned["settings of"] == "waterworld_dqn" and learned["on seeds"] == "100-111"
+    assert learned["seeds here"] == "0-11" and learned["frames before"] == "217,088" and coded["frames before"] == "0"
+    assert coded["encoder"] == "0" and int(learned["encoder"].replace(",", "")) > 1000

@@ -8,7 +8,7 @@ import pytest
 
 from t2tl_jax.evaluation import statistics
 from t2tl_jax.runs.metrics_file import ending, history
-from t2tl_jax.runs.solved import solved_since
+from t2tl_jax.runs.success import success_since
 
 ROOT = Path(__file__).parents[2]
 SECTION = (ROOT / "docs" / "results.md").read_text(encoding="utf-8").split("## The short schedule")[1]
@@ -35,7 +35,7 @@ def test_every_stored_run_has_its_row():
 def test_figures_of_a_row(run):
     curves, row = history(folder_of(run) / "metrics.csv"), ROWS[run]
     frames = curves["frames"][0]
-    since = solved_since(curves["success_rate"], ITERATIONS_OF_THE_LIMIT[int(frames[0]) // 256])
+    since = success_since(curves["success_rate"], ITERATIONS_OF_THE_LIMIT[int(frames[0]) // 256])
     reached = np.where(since > 0, since * frames[0] / 1e6, np.inf)
     assert (since > 0).sum() == int(row["solved"]) and len(since) == 12
     assert np.median(reached) == pytest.approx(float(row["median"]), abs=0.011)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from t2tl_jax.runs.metrics_file import ending, history
+from t2tl_jax.runs.metrics_file import area, ending, history
 
 HEADER = (
     "iteration,frames,seed,episodes,success_rate,violation_rate,timeout_rate,discounted_return,length,success_length"
@@ -38,3 +38,8 @@ def test_at_least_one_iteration_is_averaged(metrics):
 def test_a_seed_without_its_last_row_counts_with_those_before(metrics, cut):
     metrics.write_text(metrics.read_text()[:-cut])
     np.testing.assert_allclose(ending(history(metrics), last=0.5)["discounted_return"], [(3 * 0.3 + 4 * 0.4) / 7, 0.5])
+
+
+def test_area_fills_iterations_without_an_ended_episode():
+    values = np.array([[np.nan, 0.2, np.nan, 0.6], [1.0, 1.0, 1.0, 1.0], [np.nan] * 4])
+    np.testing.assert_allclose(area(values), [(0.0 + 0.2 + 0.2 + 0.6) / 4, 1.0, 0.0])

@@ -33,7 +33,7 @@ def test_it_is_loaded():
     )
     np.testing.assert_array_equal(result.metrics["frames"], [[512, 1024, 1536, 2048]] * 2)
     assert {"success_rate", "discounted_return", "length"} <= set(result.metrics)
-    assert result.solved == {0: None, 1: None}
+    assert result.success_since == {0: None, 1: None}
 
 
 @pytest.mark.parametrize(("which", "other"), [("best", "latest"), ("latest", "best")])

@@ -85,7 +85,7 @@ def test_metrics_are_arrays_by_name(run):
         assert values.shape == (2, 3) and values.dtype == np.float64
     np.testing.assert_array_equal(result.metrics["frames"], [[FRAMES, 2 * FRAMES, 3 * FRAMES]] * 2)
     assert result.seeds == (3, 8) and result.iteration == 3 and result.ended == "complete"
-    assert result.solved == {3: None, 8: None}
+    assert result.success_since == {3: None, 8: None}
     assert all(leaf.shape[0] == 2 for leaf in jax.tree.leaves(result.params))
 
 
@@ -162,7 +162,10 @@ def test_load_gives_the_same_result(run):
     result, _ = run
     loaded = t2tl_jax.load(result.folder, env=ProbeEnv())
     assert loaded.config == result.config and loaded.seeds == result.seeds
-    assert (loaded.iteration, loaded.ended) == (result.iteration, result.ended) and loaded.solved == result.solved
+    assert (loaded.iteration, loaded.ended) == (
+        result.iteration,
+        result.ended,
+    ) and loaded.success_since == result.success_since
     jax.tree.map(np.testing.assert_array_equal, loaded.params, result.params)
     assert loaded.metrics.keys() == result.metrics.keys()
     for name, values in result.metrics.items():  # the file keeps nine digits
@@ -263,11 +266,11 @@ def test_until_solved_ends_a_solved_training(tmp_path):
     """The task comes true by chance: the policy begins with a wide spread, and an episode has 40 steps."""
     easy = {"seeds": 2, "frames": 40 * FRAMES, "episode_length": 40, "until_solved": True}
     solved = t2tl_jax.train(ProbeEnv(), "F(Up | Down)", PPO, folder=tmp_path / "run", **easy)
-    assert solved.ended == "solved" and 5 <= solved.iteration < 40
+    assert solved.ended == "success" and 5 <= solved.iteration < 40
     assert (solved.metrics["success_rate"][:, -5:] > 0.95).all()
-    since = list(solved.solved.values())
+    since = list(solved.success_since.values())
     assert all(since) and max(since) == (solved.iteration - 4) * FRAMES
-    assert t2tl_jax.load(tmp_path / "run", env=ProbeEnv()).solved == solved.solved
+    assert t2tl_jax.load(tmp_path / "run", env=ProbeEnv()).success_since == solved.success_since
 
 
 # ----- memory -----

@@ -1,4 +1,8 @@
-"""When a task was solved: the success rate rose above 95 % and stayed there. One word, one meaning, everywhere."""
+"""Since when the success rate in training has been above 95 %, and stayed there to the end.
+
+It is a sign that the task is solved, watched while parameters and exploration still change. *Solved* itself is said of
+evaluation episodes of the final parameters alone, see `t2tl_jax.evaluation.report`.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -19,11 +23,11 @@ def window(config: Config) -> int:
     return max(LEAST, -(-config.episode_length // config.learner.unroll_length))
 
 
-def solved_since(success_rate: np.ndarray, window: int) -> np.ndarray:
-    """The iteration from which on each seed stayed solved until the end of its curve: int[seeds], counted from 1.
+def success_since(success_rate: np.ndarray, window: int) -> np.ndarray:
+    """The iteration from which on each seed stayed above 95 % until the end of its curve: int[seeds], counted from 1.
 
-    An iteration in which no episode ended neither counts nor breaks the series. 0 stands for a seed that is not solved
-    at the end, or for fewer iterations than the window.
+    An iteration in which no episode ended neither counts nor breaks the series. 0 stands for a seed that is not above
+    it at the end, or for fewer iterations than the window.
 
     Args:
         success_rate: float[seeds, iterations], NaN where no episode ended.
@@ -39,7 +43,7 @@ def solved_since(success_rate: np.ndarray, window: int) -> np.ndarray:
     return since
 
 
-class SolvedWatch:
+class SuccessWatch:
     """The same, iteration by iteration, from the rows of the metrics."""
 
     def __init__(self, seeds: int, window: int, success_rate: np.ndarray | None = None) -> None:
@@ -58,12 +62,12 @@ class SolvedWatch:
 
     @property
     def since(self) -> np.ndarray:
-        """As `solved_since`, of the curve so far."""
+        """As `success_since`, of the curve so far."""
         return np.where(self._count >= self._window, self._since, 0)
 
     @property
     def all(self) -> bool:
-        """Whether every seed is solved now."""
+        """Whether every seed is above 95 % now."""
         return bool((self.since > 0).all())
 
     def _add(self, success_rate: np.ndarray) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from t2tl_jax import Config, EnvConfig, PPOConfig
-from t2tl_jax.runs.solved import SolvedWatch, solved_since, window
+from t2tl_jax.runs.success import SuccessWatch, success_since, window
 
 NAN = np.nan
 
@@ -25,23 +25,23 @@ NAN = np.nan
 )
 def test_since_when(curve, since):
     rates = np.array([curve, [0.0] * len(curve)])
-    assert solved_since(rates, 5).tolist() == [since, 0]
-    watch = SolvedWatch(2, 5)
+    assert success_since(rates, 5).tolist() == [since, 0]
+    watch = SuccessWatch(2, 5)
     for column in rates.T:
         watch.add([{"success_rate": None if np.isnan(rate) else rate} for rate in column])
     assert watch.since.tolist() == [since, 0] and not watch.all
-    assert SolvedWatch(2, 5, rates).since.tolist() == [since, 0]
-    assert SolvedWatch(1, 5, rates[:1]).all == (since > 0)
+    assert SuccessWatch(2, 5, rates).since.tolist() == [since, 0]
+    assert SuccessWatch(1, 5, rates[:1]).all == (since > 0)
 
 
 def test_a_resumed_watch_goes_on_where_it_stood():
     rates = np.random.default_rng(0).choice([0.9, 0.97, 1.0, NAN], p=[0.05, 0.45, 0.4, 0.1], size=(50, 40))
-    whole = SolvedWatch(50, 5, rates)
-    half = SolvedWatch(50, 5, rates[:, :17])
+    whole = SuccessWatch(50, 5, rates)
+    half = SuccessWatch(50, 5, rates[:, :17])
     for column in rates[:, 17:].T:
         half.add([{"success_rate": None if np.isnan(rate) else rate} for rate in column])
     np.testing.assert_array_equal(half.since, whole.since)
-    np.testing.assert_array_equal(whole.since, solved_since(rates, 5))
+    np.testing.assert_array_equal(whole.since, success_since(rates, 5))
     assert 0 < (whole.since > 0).sum() < 50
 
 

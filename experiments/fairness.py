@@ -1,0 +1,87 @@
+"""What differs between compared runs besides the idea: sizes, pre-training, and what settings were chosen on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import numpy as np
+
+from experiments import tuning
+from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.experiment import build
+from t2tl_jax.training.transfer import PART
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Of the networks of one seed."""
+
+    code: int
+    """Numbers that stand for a task."""
+    encoder: int
+    """Parameters of the task encoder."""
+    others: int
+    """All other parameters."""
+
+
+def sizes(config: Config) -> Sizes:
+    """Build what a configuration describes, and count; nothing is computed.
+
+    Raises:
+        UserError: if it cannot be built, as where its environment was an object of a program's own.
+    """
+    experiment = build(replace(config, seeds="0,"))
+    params = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), experiment.params_shapes)
+    code = jax.eval_shape(experiment.agent.embed, params, experiment.table).shape[-1]
+    encoder = _count(params["params"].get(PART, {})) if "params" in params else 0
+    return Sizes(code, encoder, _count(params) - encoder)
+
+
+def _count(params: Any) -> int:
+    return sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(params))
+
+
+def table(runs: Mapping[str, tuple[Config, Sequence[int], Mapping[str, Any]]]) -> str:
+    """One line for each run.
+
+    Args:
+        runs: by name, the configuration, the seeds, and what ``status.json`` holds.
+    """
+    header = (
+        "run",
+        "settings of",
+        "chosen with",
+        "on seeds",
+        "seeds here",
+        "code width",
+        "encoder",
+        "other parameters",
+        "frames before",
+        "frames",
+    )
+    lines: list[tuple[str, ...]] = [header]
+    for name, (config, seeds, status) in runs.items():
+        nearest, own = tuning.nearest(config), sizes(config)
+        tuned = tuning.TUNED.get(nearest)
+        marked = " (!)" if tuning.tuning_seeds(config, seeds) else ""
+        before = status.get("pretraining", {}).get("frames_per_seed") if config.pretrained else 0
+        lines.append(
+            (
+                name,
+                nearest,
+                tuned.methods if tuned else "-",
+                tuning.in_words(tuned.seeds) if tuned else "-",
+                tuning.in_words(seeds) + marked,
+                f"{own.code:,}",
+                f"{own.encoder:,}",
+                f"{own.others:,}",
+                "-" if before is None else f"{before:,}",
+                f"{config.frames:,}",
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    text = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
+    text.append("Parameters and frames are of one seed; (!): settings were chosen on some of these seeds, or they are")
+    text.append("kept for that. A dash: not known.")
+    return "\n".join(text)

@@ -1,0 +1,69 @@
+"""On which seeds the settings of each configuration were chosen, and with what: these seeds are not reported."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from t2tl_jax.registry import configs
+from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.differences import differences
+from t2tl_jax.training.seeds import FIRST_TUNING_SEED
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A search for settings."""
+
+    methods: str
+    """What was trained in it."""
+    seeds: tuple[int, ...]
+    """On which seeds."""
+
+
+_SEEDS = tuple(range(FIRST_TUNING_SEED, FIRST_TUNING_SEED + 12))
+_ZONE = Tuning("t1tl, t2tl", _SEEDS)
+_ZONE_LONG = Tuning("t1tl", (*range(12), *_SEEDS))  # of version 0.1, in part on the seeds that it reports
+
+TUNED = {
+    "zone_ppo": _ZONE,
+    "zone_ppo_closed_form": _ZONE,
+    "zone_ppo_long": _ZONE_LONG,
+    "zone_ppo_random": _ZONE_LONG,
+    "waterworld_dqn": Tuning("rm; codes: t1tl", _SEEDS),
+    "rm_water_ql": Tuning("ql", (5, 6, 7, 8)),  # there are maps 1 to 10 alone
+}
+"""By named configuration. Of the others no search is known."""
+
+
+def nearest(config: Config) -> str:
+    """The named configuration that a run's own differs from in the fewest fields, its method aside."""
+    return min(configs(), key=lambda name: len(list(differences(configs()[name][0], config))))
+
+
+def tuning_seeds(config: Config, seeds: Iterable[int]) -> list[int]:
+    """Those of a run's seeds that settings were chosen on, or are kept for that."""
+    tuned = TUNED.get(nearest(config), Tuning("", ())).seeds
+    return [seed for seed in seeds if seed >= FIRST_TUNING_SEED or seed in tuned]
+
+
+def mixture(runs: Mapping[str, tuple[Config, Sequence[int]]]) -> str:
+    """Why runs may not be tested against each other: some of their seeds are for tuning; '' if none are, or all.
+
+    Args:
+        runs: by name, the configuration and the seeds of each.
+    """
+    tuned = {name: tuning_seeds(config, seeds) for name, (config, seeds) in runs.items()}
+    if not any(tuned.values()) or all(len(tuned[name]) == len(seeds) for name, (_, seeds) in runs.items()):
+        return ""
+    which = "; ".join(f"{name}: {in_words(seeds) or 'none'}" for name, seeds in tuned.items())
+    return f"settings were chosen on some of these seeds and not on others, so they cannot be told apart ({which})"
+
+
+def in_words(seeds: Sequence[int]) -> str:
+    """``0-11, 100-111`` for a list of seeds in any order."""
+    parts: list[list[int]] = []
+    for seed in sorted(seeds):
+        if parts and seed == parts[-1][-1] + 1:
+            parts[-1][1:] = [seed]
+        else:
+            parts.append([seed])
+    return ", ".join("-".join(map(str, part)) for part in parts)
