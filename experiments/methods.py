@@ -28,7 +28,7 @@ class Method:
     summary: str
     task_encoder: type[TaskEncoderConfig]
     context: bool
-    simultaneous: bool
+    counterfactual: bool
     """Whether every step teaches every sub-task, as far as the learner can."""
 
 
@@ -75,7 +75,7 @@ def apply(config: Config, name: str) -> Config:
     )
     learner, pretrained = replace(learner, network=network), config.pretrained if learned else ""
     if isinstance(learner, DQNConfig):
-        learner = replace(learner, counterfactual=method.simultaneous)
+        learner = replace(learner, counterfactual=method.counterfactual)
         return replace(config, pretrained=pretrained, learner=learner)
     config = replace(config, pretrained=pretrained, learner=learner)
     return replace(config, random_starts=START_ANYWHERE if name == "rm" else 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from t2tl_jax.evaluation.curves import sparkline
 from t2tl_jax.runs import pretraining
-from t2tl_jax.runs.callbacks import Callback, Progress, Row
+from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.solved import window
 from t2tl_jax.training.seeds import seed_sharding
@@ -22,7 +22,7 @@ class Words(Callback):
         self._started, self._what = started, what
         self._times: list[float] = []
 
-    def on_plan(self, progress: Progress) -> None:
+    def on_plan(self, progress: TrainingProgress) -> None:
         """What will be trained, on what, for how long."""
         if progress.done:
             print(f"resuming after iteration {progress.done:,}")
@@ -30,22 +30,23 @@ class Words(Callback):
             print(f"all {progress.iterations:,} iterations are done; --frames with a larger number goes on")
         print(_plan(progress, self._what), flush=True)
 
-    def on_start(self, progress: Progress) -> None:
+    def on_start(self, progress: TrainingProgress) -> None:
         """What compiling took."""
         if "pretraining" in progress.notes and not progress.done:
             print(f"pre-trained: {pretraining.in_words(progress.notes['pretraining'])}")
-        print(f"compiled in {progress.compile_seconds:.1f} s", flush=True)
+        waited = f"(waited {progress.compile_wait_seconds:.1f} s for it)"
+        print(f"compiled in {progress.compile_seconds:.1f} s {waited}", flush=True)
 
-    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+    def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
         """Remember when that was."""
         self._times.append(time.monotonic() - self._started)
 
-    def on_end(self, progress: Progress) -> None:
+    def on_end(self, progress: TrainingProgress) -> None:
         """When it was solved."""
         if progress.done > progress.started_from:
             print(self._solved(progress), flush=True)
 
-    def _solved(self, progress: Progress) -> str:
+    def _solved(self, progress: TrainingProgress) -> str:
         since = np.array(progress.solved_since)
         solved = f"{(since > 0).sum()} of {since.size} seeds" if since.size > 1 else "the task"
         if not (since > 0).any():
@@ -58,7 +59,7 @@ class Words(Callback):
         return f"solved {solved} after {frames} and {seconds:.0f} s since the start of the program (success above 95 %)"
 
 
-def _plan(progress: Progress, what: str) -> str:
+def _plan(progress: TrainingProgress, what: str) -> str:
     config, iterations, per_iteration = progress.config, progress.iterations, progress.frames_per_iteration
     actual = iterations * per_iteration
     frames = f"{actual:,} frames per seed = {iterations:,} iterations x {per_iteration:,}"
@@ -80,7 +81,7 @@ def _plan(progress: Progress, what: str) -> str:
     )
 
 
-def _more_plan(progress: Progress) -> list[str]:
+def _more_plan(progress: TrainingProgress) -> list[str]:
     """Lines about what not every run has."""
     config, lines = progress.config, []
     if progress.has_pools:

@@ -180,6 +180,7 @@ def _check_padding(before: Experiment, experiment: Experiment, source: str) -> N
 def summary(first: "Result") -> dict[str, Any]:
     """What a pre-training cost, and how it ended, as far as is known."""
     status = {} if first.folder is None else run_folder.read_json(RunFolder(first.folder).status)
+    spent = status.get("all_sessions", {})
     frames = first.iteration * first.experiment.agent.frames_per_iteration
     end = ending(first.metrics, LAST) if "episodes" in first.metrics else {}
 
@@ -192,7 +193,8 @@ def summary(first: "Result") -> dict[str, Any]:
         "task": first.config.task,
         "seeds": list(first.seeds),
         "frames_per_seed": frames,
-        **{name: status.get("all_sessions", {}).get(name, 0.0) for name in ("compile_seconds", "training_seconds")},
+        "compile_wait_seconds": spent.get("compile_wait_seconds", spent.get("compile_seconds", 0.0)),
+        "training_seconds": spent.get("training_seconds", 0.0),
         "success_rate": rounded("success_rate", 4),
         "discounted_return": rounded("discounted_return", 4),
         "length": rounded("length", 3),
@@ -201,9 +203,11 @@ def summary(first: "Result") -> dict[str, Any]:
 
 def in_words(summary: dict[str, Any]) -> str:
     """The summary as one line."""
-    seconds = summary["compile_seconds"] + summary["training_seconds"]
+    # A status of before knows no wait, and counts all that compiling took.
+    waited = summary.get("compile_wait_seconds", summary.get("compile_seconds", 0.0))
+    spent = f" in {waited + summary['training_seconds']:.0f} s" if summary["folder"] else ""
     return (
-        f"{summary['frames_per_seed']:,} frames per seed on {summary['task']} in {seconds:.0f} s, "
+        f"{summary['frames_per_seed']:,} frames per seed on {summary['task']}{spent}, "
         f"discounted return {_mean(summary['discounted_return'], 3)}, length {_mean(summary['length'], 2)}"
     )
 

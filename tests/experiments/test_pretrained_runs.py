@@ -1,6 +1,7 @@
 """Runs that start with a pre-trained encoder need it once: whatever becomes of its run later, they can be resumed."""
 
 import shutil
+import time
 
 import pytest
 
@@ -58,7 +59,12 @@ def test_the_start_of_a_run_whose_pretraining_run_is_gone_is_not_drawn(train, so
 
 def test_a_run_with_a_checkpoint_does_not_prepare_its_own_pretraining_again(train, resume, read_json, monkeypatch):
     monkeypatch.setattr(pretraining, "SCHEDULE", PRETRAINING)
+    begin = time.monotonic()
     folder = train("--frames", "200", *NO_EVALUATION, "--pretrained", "auto")
+    wall = time.monotonic() - begin
+    session = read_json(folder / "status.json")["last_session"]
+    apart = [session[f"{name}_seconds"] for name in ("pretraining", "compile_wait", "training")]
+    assert min(apart) > 0 and sum(apart) < wall  # no second is in two of them
     assert read_json(folder / "config.json")["pretrained"] == "auto"
     summary = read_json(folder / "status.json")["pretraining"]
     assert summary["folder"] == str(folder / "pretraining")
