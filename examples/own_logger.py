@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import t2tl_jax
-from t2tl_jax import Callback, NetworkConfig, OneHotConfig, PPOConfig, Progress, Row
+from t2tl_jax import Callback, NetworkConfig, OneHotConfig, PPOConfig, Row, TrainingProgress
 
 os.environ.setdefault("MLFLOW_ALLOW_FILE_STORE", "true")  # MLflow prefers a data base, which needs a server's packages
 try:
@@ -28,7 +28,7 @@ class MLflowLogger(Callback):
         self._client = mlflow.MlflowClient(Path(store).absolute().as_uri())
         self._runs: list[str] = []
 
-    def on_start(self, progress: Progress) -> None:
+    def on_start(self, progress: TrainingProgress) -> None:
         """Begin the runs."""
         found = self._client.get_experiment_by_name("t2tl_jax")
         experiment = found.experiment_id if found else self._client.create_experiment("t2tl_jax")
@@ -37,14 +37,14 @@ class MLflowLogger(Callback):
             self._client.log_param(run.info.run_id, "task", progress.config.task)
             self._runs.append(run.info.run_id)
 
-    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+    def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
         """Log what is known: an average over no episodes is None."""
         for run, row in zip(self._runs, rows, strict=True):
             for name, value in row.items():
                 if value is not None and name not in ("iteration", "seed"):
                     self._client.log_metric(run, name, value, step=progress.done)
 
-    def on_end(self, progress: Progress) -> None:
+    def on_end(self, progress: TrainingProgress) -> None:
         """Close the runs."""
         for run in self._runs:
             self._client.set_terminated(run, "FAILED" if progress.stop == "failed" else "FINISHED")

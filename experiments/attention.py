@@ -74,7 +74,7 @@ def _read(arguments: Arguments) -> None:
         from t2tl_jax.networks.transformer import TransformerConfig
         from t2tl_jax.runs import folder as run_folder
         from t2tl_jax.runs import train
-        from t2tl_jax.runs.policy import of_seed
+        from t2tl_jax.runs.policy import seed_slice
         from t2tl_jax.training.seeds import EVALUATION, TRAINING, stream_keys
 
     folder, config = run_folder.open_existing(arguments.run)
@@ -93,9 +93,9 @@ def _read(arguments: Arguments) -> None:
     agent, table = experiment.agent, experiment.table
     row = _row(arguments.row, table)
     env_params = experiment.env_params(training=False)
-    env_params = dataclasses.replace(env_params, env=of_seed(env_params.env, index))
+    env_params = dataclasses.replace(env_params, env=seed_slice(env_params.env, index))
 
-    end = of_seed(result.params, index)
+    end = seed_slice(result.params, index)
     begin = jax.jit(lambda key: agent.init(key, env_params).params)(stream_keys([seed], TRAINING)[0])
     origin, start = _start(folder, config, seed, begin)
     encoder = TransformerTaskEncoder(reader)

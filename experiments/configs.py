@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from envs import single_state, waterworld, zones
-from envs.single_state import SingleStateConfig
+from envs import waterworld, zones
 from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
 from t2tl_jax.agents.dqn import DQNConfig
@@ -14,8 +13,9 @@ from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import register_config
-from t2tl_jax.runs.config import Config, PoolConfig
-from t2tl_jax.runs.convergence import ConvergenceConfig
+from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.pretraining_schedule import SCHEDULE
+from t2tl_jax.single_state import SingleStateConfig
 
 # The short schedule: small iterations and few environments. Chosen on seeds from 100 on; see docs/results.md.
 _SHORT = PPOConfig(
@@ -120,31 +120,6 @@ _RM_WATER = Config(
     episode_length=waterworld.EPISODE_LENGTH,
 )
 
-# The network sees nothing but the encoded task, through one linear layer, so that the encoder has to do the work.
-PRETRAINING = Config(
-    env=SingleStateConfig(),
-    task="Eventually_1_5_1_4",
-    learner=PPOConfig(
-        network=NetworkConfig(env_layers=(), actor_layers=(), critic_layers=()),
-        num_envs=64,
-        unroll_length=32,
-        epochs=4,
-        minibatch_size=512,
-        discount=0.9,
-        gae_lambda=0.5,
-        learning_rate=1e-3,
-        clip_eps=0.2,
-        entropy_coefficient=0.01,
-        noise_time=0.0,
-        staggered_start=False,
-    ),
-    # Every gradient step encodes every row, which here is nearly all of the work.
-    pool=PoolConfig(size=16, period=8, rows=192, length=40),
-    frames=500_000,
-    convergence=ConvergenceConfig(window=20),
-    episode_length=single_state.EPISODE_LENGTH,
-)
-
 register_config("zone_ppo", ZONE, "T2TL by PPO on phi_zone: three million frames after pre-training on the same task")
 register_config(
     "zone_ppo_closed_form",
@@ -200,17 +175,17 @@ register_config(
 )
 register_config(
     "pretrain_zone",
-    PRETRAINING,
+    SCHEDULE,
     "pre-training of the task encoder on random formulas over ZoneEnv's colours; --task phi_zone as published",
 )
 register_config(
     "pretrain_water",
     replace(
-        PRETRAINING,
+        SCHEDULE,
         env=SingleStateConfig(waterworld.COLOURS),
         learner=replace(
-            PRETRAINING.learner,
-            network=replace(PRETRAINING.learner.network, task_encoder=QNetworkConfig().task_encoder),
+            SCHEDULE.learner,
+            network=replace(SCHEDULE.learner.network, task_encoder=QNetworkConfig().task_encoder),
         ),
     ),
     "the same over WaterWorld's colours, with its size of the encoded task",

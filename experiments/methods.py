@@ -7,7 +7,6 @@ sub-task. Sizes, learner, budget and everything else stay those of the configura
 from dataclasses import dataclass, replace
 from typing import Any
 
-from envs.single_state import SingleStateConfig
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.errors import UserError
@@ -19,6 +18,7 @@ from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.runs.config import Config
+from t2tl_jax.single_state import SingleStateConfig
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Method:
     summary: str
     task_encoder: type[TaskEncoderConfig]
     context: bool
-    simultaneous: bool
+    counterfactual: bool
     """Whether every step teaches every sub-task, as far as the learner can."""
 
 
@@ -75,7 +75,7 @@ def apply(config: Config, name: str) -> Config:
     )
     learner, pretrained = replace(learner, network=network), config.pretrained if learned else ""
     if isinstance(learner, DQNConfig):
-        learner = replace(learner, counterfactual=method.simultaneous)
+        learner = replace(learner, counterfactual=method.counterfactual)
         return replace(config, pretrained=pretrained, learner=learner)
     config = replace(config, pretrained=pretrained, learner=learner)
     return replace(config, random_starts=START_ANYWHERE if name == "rm" else 0.0)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from t2tl_jax.networks.task_encoders import OneHotConfig
     from t2tl_jax.networks.transformer import TransformerConfig
     from t2tl_jax.registry import make_env, register_agent, register_config, register_env, register_task_encoder
-    from t2tl_jax.runs.callbacks import Callback, Progress, Row
+    from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
     from t2tl_jax.runs.config import Config
     from t2tl_jax.runs.interrupts import Interrupted
     from t2tl_jax.runs.policy import Policy
@@ -47,7 +47,6 @@ _HOME = {
     "OneHotConfig": "networks.task_encoders",
     "PPOConfig": "agents.ppo",
     "Policy": "runs.policy",
-    "Progress": "runs.callbacks",
     "QNetworkConfig": "networks.q_network",
     "Result": "runs.result",
     "Row": "runs.callbacks",
@@ -55,6 +54,7 @@ _HOME = {
     "TaskEnv": "task_env",
     "TaskInObservation": "wrappers",
     "TaskTable": "ltl",
+    "TrainingProgress": "runs.callbacks",
     "TransformerConfig": "networks.transformer",
     "UserError": "errors",
     "compile_tasks": "ltl",

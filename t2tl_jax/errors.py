@@ -10,6 +10,10 @@ class UserError(ValueError):
     """Something the user gave cannot be used; the message says what, why, and the way out."""
 
 
+class NotRegistered(UserError):
+    """A name of which only a module that was not imported may know."""
+
+
 def unknown(kind: str, given: str, known: Iterable[str]) -> UserError:
     """The error for a name that does not exist, with the nearest one and all of them."""
     names = sorted(known)

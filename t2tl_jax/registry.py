@@ -2,22 +2,27 @@
 
 Names are for command lines and for stored configurations. What the project ships is registered by the same functions
 as what a user brings along. A package that declares an entry point in the group ``t2tl_jax.plugins`` is found by
-itself; other modules are named on the command line (``--import MODULE``), or imported by the program that uses them.
+itself; other modules are imported by the program that uses them, which on the command line has a flag for that.
 """
 
+import importlib.util
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, is_dataclass
-from importlib.metadata import entry_points
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
 
-from t2tl_jax.errors import UserError, unknown
+from t2tl_jax.errors import NotRegistered, UserError, unknown
 from t2tl_jax.quiet import quiet_imports
 
 T = TypeVar("T")
 
 PLUGINS = "t2tl_jax.plugins"
 """Group of entry points, each a module that registers something when it is imported."""
+
+OWN = ("t2tl_jax.agents", "t2tl_jax.single_state", "t2tl_jax.runs.given_env")
+"""Modules of the library itself that register something: learners with their task encoders, and environments."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +73,14 @@ class Registry(Generic[T]):
         """The class of configurations with this name.
 
         Raises:
-            UserError: for an unknown name, with the nearest.
+            NotRegistered: for an unknown name, with the nearest.
         """
+        if name not in self._kinds:
+            load_own()
         if name not in self._kinds:
             load_plugins()
         if name not in self._kinds:
-            error = unknown(self.thing, name, self._kinds)
-            raise UserError(f"{error}\nOne of your own is known once its module is imported: --import MODULE")
+            raise _not_registered(self.thing, name, self._kinds)
         return self._kinds[name].config
 
     def name_of(self, config: Any) -> str:
@@ -111,8 +117,8 @@ def register_env(name: str, config: type, make: Callable[..., Any], named: Mappi
     """Register an environment: ``make(config)`` gives a `LabelledEnv`.
 
     Args:
-        name: what stored configurations and ``--env NAME`` call it.
-        config: a frozen dataclass derived from `EnvConfig`, whose fields become flags.
+        name: what stored configurations and the command line call it.
+        config: a frozen dataclass derived from `EnvConfig`, whose fields are stored and become options.
         make: from an instance of it to the environment.
         named: instances of the configuration with names of their own, such as published ones.
 
@@ -130,7 +136,7 @@ def register_task_encoder(name: str, config: type, make: Callable[..., Any]) -> 
     """Register a task encoder: ``make(config)`` gives a Flax module from `TaskTable` to float32[rows, code_size].
 
     Args:
-        name: what stored configurations and ``--learner.network.task-encoder NAME`` call it.
+        name: what stored configurations and the command line call it.
         config: a frozen dataclass derived from `TaskEncoderConfig`.
         make: from an instance of it to the module.
 
@@ -144,7 +150,7 @@ def register_agent(name: str, config: type, make: Callable[..., Any]) -> None:
     """Register a learner: ``make(task_env, config, episode_length, iterations)`` gives an `Agent`.
 
     Args:
-        name: what stored configurations and ``--learner NAME`` call it.
+        name: what stored configurations and the command line call it.
         config: a frozen dataclass derived from `LearnerConfig`, which owns the network's configuration.
         make: from the environment, an instance of it, the time limit in steps and the length of the run in iterations.
 
@@ -155,7 +161,7 @@ def register_agent(name: str, config: type, make: Callable[..., Any]) -> None:
 
 
 def register_config(name: str, config: Any, summary: str = "") -> None:
-    """Register a named configuration, a `Config`, with one line about it for ``--list``.
+    """Register a named configuration, a `Config`, with one line about it for lists.
 
     Raises:
         ValueError: if the name belongs to another configuration.
@@ -175,12 +181,12 @@ def named_config(name: str) -> Any:
     """The configuration with this name.
 
     Raises:
-        UserError: for an unknown name, with the nearest.
+        NotRegistered: for an unknown name, with the nearest.
     """
     if name not in _CONFIGS:
         load_plugins()
     if name not in _CONFIGS:
-        raise unknown("config", name, _CONFIGS)
+        raise _not_registered("config", name, _CONFIGS)
     return _CONFIGS[name][0]
 
 
@@ -188,13 +194,14 @@ def make_env(name_or_config: Any) -> Any:
     """Build an environment from its configuration, from the name of one, or from the name of its kind.
 
     Raises:
-        UserError: for an unknown name, with the nearest, or a configuration of a class that is not registered.
+        NotRegistered: for an unknown name, with the nearest.
+        UserError: for a configuration of a class that is not registered.
     """
     if not isinstance(name_or_config, str):
         return ENVS.maker(name_or_config)(name_or_config)
     named = {name: ENVS.config_class(name)() for name in ENVS.names()} | _NAMED_ENVS
     if name_or_config not in named:
-        raise unknown("environment", name_or_config, named)
+        raise _not_registered("environment", name_or_config, named)
     return make_env(named[name_or_config])
 
 
@@ -205,10 +212,19 @@ def env_names() -> tuple[str, ...]:
 
 
 _loaded: set[str] = set()
+_missing: dict[str, str] = {}
+"""Plugins that cannot be imported, and why."""
+
+
+def load_own() -> None:
+    """Import what the library itself registers."""
+    for module in OWN:
+        import_module(module)
 
 
 def load_plugins() -> None:
-    """Import what installed packages declare as plugins, once; warn of one that cannot be imported."""
+    """Import what the library registers and, once, what packages declare as plugins; warn of one that is not there."""
+    load_own()
     for plugin in entry_points(group=PLUGINS):
         if plugin.value in _loaded:
             continue
@@ -217,4 +233,33 @@ def load_plugins() -> None:
             with quiet_imports():
                 plugin.load()
         except Exception as error:  # whatever a foreign module raises; the rest goes on without it
-            warnings.warn(f"the plugin {plugin.name} = {plugin.value} cannot be imported: {error}", stacklevel=2)
+            _missing[plugin.value] = _why_missing(plugin, error)
+            warnings.warn(_missing[plugin.value], stacklevel=2)
+
+
+def _why_missing(plugin: EntryPoint, error: Exception) -> str:
+    """What is wrong with a plugin, and the way out."""
+    text = f"the plugin {plugin.name} = {plugin.value} cannot be imported, so its names are missing: {error}"
+    package = plugin.value.partition(".")[0]
+    if not isinstance(error, ModuleNotFoundError) or error.name not in (package, plugin.value):
+        return text
+    spec = importlib.util.find_spec(package)
+    if spec is None:
+        return f"{text}; install the package that declares it again"
+    places = [spec.origin] if spec.origin else list(spec.submodule_search_locations or [])
+    return (
+        f"{text}; here {package} is {', '.join(places)}: start Python in a folder without one of that name, or put the "
+        "plugin's own place first on the path (PYTHONPATH)"
+    )
+
+
+def _not_registered(thing: str, name: str, known: Iterable[str]) -> NotRegistered:
+    """The error for an unknown name, with what may be the reason."""
+    reasons = list(_missing.values())
+    if not entry_points(group=PLUGINS):
+        reasons = [
+            "no plugin is installed, and named environments and configurations come from plugins: install this project "
+            "with pip, or import experiments.configs"
+        ]
+    hint = f"One of your own {thing}s is known once its module is imported."
+    return NotRegistered("\n".join([str(unknown(thing, name, known)), *reasons, hint]))

@@ -14,6 +14,9 @@ class TaskInObservation(Env):
     For trainers that take any brax environment, such as brax's own PPO. Their auto-reset restores `pipeline_state`,
     where the row lives, and the observation, so that an episode starts with its task and shows it.
 
+    A trainer that knows no `params` gets those of ``make_params(0)``: seed 0's maps of training, in its own evaluation
+    too. For an evaluation on other maps pass ``make_params(seed, training=False)`` to `reset` and `step`.
+
     Args:
         env: the environment with its tasks.
         features: float[rows, d], the code of every row of its table; by default a one-hot code.

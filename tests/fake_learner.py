@@ -13,10 +13,10 @@ import jax
 import jax.numpy as jnp
 
 import experiments.configs  # noqa: F401, so that lists of what is registered begin with what is shipped
-from envs.single_state import SingleStateConfig
 from t2tl_jax.env import EnvConfig, LabelledEnv, State
 from t2tl_jax.registry import register_agent, register_config, register_env
 from t2tl_jax.runs.config import Config, RunConfig
+from t2tl_jax.single_state import SingleStateConfig
 from tests.fake_agent import FakeConfig, make_agent
 
 SUCCESS, VIOLATION = 0.6, 0.3  # of an episode's first step, if the action is 1

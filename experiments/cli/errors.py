@@ -3,7 +3,8 @@
 import sys
 from collections.abc import Callable
 
-from t2tl_jax.errors import UserError
+from experiments.cli.plugins import FLAG
+from t2tl_jax.errors import NotRegistered, UserError
 
 INVALID = 2
 """Exit code for input that cannot be used."""
@@ -19,6 +20,8 @@ def guarded(command: Callable[[], int]) -> int:
         return command()
     except UserError as error:
         print(f"error: {error}", file=sys.stderr)
+        if isinstance(error, NotRegistered):
+            print(f"{FLAG} MODULE imports a module of yours", file=sys.stderr)
         return INVALID
     except KeyboardInterrupt:
         print("\nstopped", file=sys.stderr)

@@ -43,7 +43,8 @@ def parse(
         arguments: of the command line, without the program's name.
         prog: how the program is called, for its help.
         description: at the top of its help.
-        default: instance whose fields the flags replace; without it, fields without default are required.
+        default: instance whose fields the flags replace. Without it the dataclass has no parts, and all of its fields
+            have defaults but for one that may stand before the flags (`tyro.conf.Positional`).
         others: flags of the same command that are read elsewhere, and may be what was meant.
 
     Raises:
@@ -53,42 +54,40 @@ def parse(
     if HELP & set(texts):
         instance = {} if default is None else {"default": default}
         tyro.cli(kind, prog=prog, description=description, args=["--help"], config=OPTIONS, **instance)  # type: ignore[call-overload]
-    fields = dict(_fields(kind if default is None else default))
-    _refuse_unknown(texts, [*fields, *others], prog)
+    fields, first = dict(_fields(kind if default is None else default)), _positional(kind)
+    _refuse_unknown(texts, [*fields, *others], first, prog)
     given = _grouped(texts)
+    words = given.pop("", [])
+    wrong = [word for word in words if first is None or word.startswith("-")]
+    if wrong:
+        raise UserError(f"every option begins with --, got {wrong[0]!r}; see {prog} --help")
+    values = {flag: _value(flag, fields[flag], said) for flag, said in given.items()}
     try:
         if default is not None:
-            if given.pop("", None):
-                raise UserError(f"every option begins with --, got {texts[0]!r}; see {prog} --help")
-            return _replaced(default, {flag: _value(flag, fields[flag], words) for flag, words in given.items()})
-        for flag, words in given.items():
-            if flag:
-                _value(flag, fields[flag], words)
-        with contextlib.redirect_stderr(io.StringIO()) as complaint:
-            filled: Any = tyro.cli(_unchecked(kind), prog=prog, description=description, args=texts, config=OPTIONS)
-        return kind(**{field.name: getattr(filled, field.name) for field in dataclasses.fields(filled)})
+            return _replaced(default, values)
+        by_name = {flag[2:].replace("-", "_"): value for flag, value in values.items()}
+        if first is not None:
+            by_name[first] = _first_words(first, fields[f"--{first}"], words, prog)
+        return kind(**by_name)
     except UserError:
         raise
     except ValueError as error:  # from the checks of the dataclasses
         raise UserError(str(error)) from error
-    except SystemExit:
-        raise UserError(complaint.getvalue().strip()) from None
 
 
-def _unchecked(kind: type) -> type:
-    """A dataclass with the same fields and without the checks of its own, whose messages tyro would put into a box."""
+def _positional(kind: type) -> str | None:
+    """The field whose words stand before all options, such as the folder of a run; None if there is none."""
     hints = typing.get_type_hints(kind, include_extras=True)
-    return dataclasses.make_dataclass(
-        kind.__name__,
-        [
-            (
-                field.name,
-                hints[field.name],
-                dataclasses.field(default=field.default, default_factory=field.default_factory),
-            )
-            for field in dataclasses.fields(kind)
-        ],
-    )
+    return next((name for name, hint in hints.items() if tyro.conf.Positional in get_args(hint)[1:]), None)
+
+
+def _first_words(name: str, hint: Any, words: Sequence[str], prog: str) -> Any:
+    """What the words before all options mean: one thing, or a tuple of as many as there are."""
+    if get_origin(get_args(hint)[0]) is not tuple and len(words) != 1:
+        raise UserError(
+            f"{prog} takes one {name} before its options, got {' '.join(words) or 'none'}; see {prog} --help"
+        )
+    return _value(name, get_args(hint)[0], words)
 
 
 def check_picture(flag: str, file: Path | None) -> None:
@@ -108,8 +107,10 @@ def _fields(part: Any, prefix: str = "--") -> Iterator[tuple[str, Any]]:
             yield flag, hints[field.name]
 
 
-def _refuse_unknown(arguments: Sequence[str], known: Sequence[str], prog: str) -> None:
+def _refuse_unknown(arguments: Sequence[str], known: Sequence[str], first: str | None, prog: str) -> None:
     given = [argument.partition("=")[0] for argument in arguments if argument.startswith("--")]
+    if first is not None and f"--{first}" in given:
+        raise UserError(f"--{first} is no option: give it by itself, before the options; see {prog} --help")
     wrong = [flag for flag in given if flag.replace("_", "-") not in known]
     if wrong:
         lines = [f"unknown option {flag!r}; did you mean {nearest(flag, known)!r}?" for flag in wrong]

@@ -8,7 +8,7 @@ import numpy as np
 
 from t2tl_jax.evaluation.curves import sparkline
 from t2tl_jax.runs import pretraining
-from t2tl_jax.runs.callbacks import Callback, Progress, Row
+from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.success import window
 
@@ -21,7 +21,7 @@ class Words(Callback):
         self._started, self._what = started, what
         self._times: list[float] = []
 
-    def on_plan(self, progress: Progress) -> None:
+    def on_plan(self, progress: TrainingProgress) -> None:
         """What will be trained, on what, for how long."""
         if progress.done:
             print(f"resuming after iteration {progress.done:,}")
@@ -29,22 +29,23 @@ class Words(Callback):
             print(f"all {progress.iterations:,} iterations are done; --frames with a larger number goes on")
         print(_plan(progress, self._what), flush=True)
 
-    def on_start(self, progress: Progress) -> None:
+    def on_start(self, progress: TrainingProgress) -> None:
         """What compiling took."""
         if "pretraining" in progress.notes and not progress.done:
             print(f"pre-trained: {pretraining.in_words(progress.notes['pretraining'])}")
-        print(f"compiled in {progress.compile_seconds:.1f} s", flush=True)
+        waited = f"(waited {progress.compile_wait_seconds:.1f} s for it)"
+        print(f"compiled in {progress.compile_seconds:.1f} s {waited}", flush=True)
 
-    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+    def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
         """Remember when that was."""
         self._times.append(time.monotonic() - self._started)
 
-    def on_end(self, progress: Progress) -> None:
+    def on_end(self, progress: TrainingProgress) -> None:
         """Since when it succeeds."""
         if progress.done > progress.started_from:
             print(self._success(progress), flush=True)
 
-    def _success(self, progress: Progress) -> str:
+    def _success(self, progress: TrainingProgress) -> str:
         since = np.array(progress.success_since)
         of_seeds = f" of {(since > 0).sum()} of {since.size} seeds" if since.size > 1 else ""
         above = f"success in training{of_seeds} rose above 95 % and stayed there"
@@ -58,7 +59,7 @@ class Words(Callback):
         return f"{above} after {frames} and {seconds:.0f} s since the start of the program"
 
 
-def _plan(progress: Progress, what: str) -> str:
+def _plan(progress: TrainingProgress, what: str) -> str:
     config, iterations, per_iteration = progress.config, progress.iterations, progress.frames_per_iteration
     actual = iterations * per_iteration
     frames = f"{actual:,} frames per seed = {iterations:,} iterations x {per_iteration:,}"
@@ -78,7 +79,7 @@ def _plan(progress: Progress, what: str) -> str:
     )
 
 
-def _more_plan(progress: Progress) -> list[str]:
+def _more_plan(progress: TrainingProgress) -> list[str]:
     """Lines about what not every run has."""
     config, lines = progress.config, []
     if progress.has_pools:

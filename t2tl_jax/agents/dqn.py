@@ -2,8 +2,8 @@
 
 A stored transition is (s, a, s', letter). The letter says where each formula of the table goes, so one transition is a
 transition of every row (equation 3 of the paper; with one-hot rows it is CRM of the reward-machine paper). What the
-environment pays by itself is paid to every row, and an end that it makes is the end of all. Read `make_dqn` from top to
-bottom: act, store, sample, update.
+environment pays by itself is paid to every row, and an end that it makes is the end of all. Targets and loss are in
+`td_learning.py`. Read `make_dqn` from top to bottom: act, store, sample, update.
 """
 
 from collections.abc import Callable
@@ -19,8 +19,9 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
+from t2tl_jax.agents.td_learning import Transition, dqn_loss
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import Carry, without_newest, without_oldest
+from t2tl_jax.networks.context import Carry
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.registry import register_agent
@@ -116,19 +117,6 @@ class DQNConfig(LearnerConfig):
 
 
 @struct.dataclass
-class Transition:
-    """What replay keeps; the task is not part of it, beside the row that the agent was in."""
-
-    obs: jax.Array  # float32[O]
-    action: jax.Array  # int32
-    next_obs: jax.Array  # float32[O], of s' before any reset
-    row: jax.Array  # int32
-    shared: Shared  # the letter of s', and what the environment itself paid and ended
-    cut: jax.Array  # bool, ended by the time limit
-    steps: Carry = ()  # with context: the window that the policy acted on and, in one slot more, this step
-
-
-@struct.dataclass
 class DQNState:
     """Everything that the next iteration depends on."""
 
@@ -149,85 +137,6 @@ def epsilon(config: DQNConfig, progress: jax.Array) -> jax.Array:
     """Share of random actions, linear in `progress` (0 to 1 over the run) until `epsilon_fraction`, then constant."""
     share = jnp.clip(progress / config.epsilon_fraction, 0.0, 1.0)
     return config.epsilon_start + share * (config.epsilon_end - config.epsilon_start)
-
-
-def td_target(
-    config: DQNConfig,
-    table: TaskTable,
-    next_row: jax.Array,
-    reward: jax.Array,
-    chooser: jax.Array,
-    target: jax.Array,
-    shared: Shared,
-    cut: jax.Array,
-) -> jax.Array:
-    """What Q should be, float32[B, R], for R rows of every transition.
-
-    next_row, reward: where each row's formula goes and what that pays, [B, R]; chooser, target: Q at s' that choose the
-    action and value it, float32[B, R, actions]; shared [B]; cut: bool[B].
-    """
-    value = jnp.take_along_axis(target, chooser.argmax(axis=-1, keepdims=True), axis=-1)[..., 0]
-    ended = (table.verdict[next_row] != 0) | shared.ended[:, None]
-    if config.timeout_is_terminal:
-        ended = ended | cut[:, None]
-    return shared.reward[:, None] + reward + config.discount * jnp.where(ended, 0.0, value)
-
-
-def td_targets(
-    config: DQNConfig, table: TaskTable, online: jax.Array, target: jax.Array, shared: Shared, cut: jax.Array
-) -> jax.Array:
-    """What Q should be in every row for every transition, float32[B, rows].
-
-    online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; shared [B]; cut bool[B].
-    """
-    next_row, reward = (x.T for x in table.step_all(shared.letter))  # [B, rows]
-    at_next = partial(jnp.take_along_axis, indices=next_row[..., None], axis=1)  # [B, rows, A], row u reads row u'
-    chooser = online if config.double else target
-    chooser = chooser if config.printed_argmax else at_next(chooser)
-    return td_target(config, table, next_row, reward, chooser, at_next(target), shared, cut)
-
-
-def dqn_loss(
-    config: DQNConfig,
-    network: QNetwork,
-    table: TaskTable,
-    params: Params,
-    embedding: jax.Array,
-    target_params: Params,
-    target_embedding: jax.Array,
-    batch: Transition,
-) -> tuple[jax.Array, dict[str, jax.Array]]:
-    """Huber loss of the TD errors, averaged over transitions and over the rows that learn: the open ones, or the own.
-
-    `embedding` is what `params` make of the table's rows, float32[rows, dim], `target_embedding` likewise.
-    """
-    apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
-    before, after = without_newest(batch.steps), without_oldest(batch.steps)  # the windows at s and at s'
-    if config.counterfactual:
-        # s and s' go through the online network together: half as many kernels, and small batches are bound by latency.
-        states, windows = jax.tree.map(lambda *x: jnp.concatenate(x), (batch.obs, before), (batch.next_obs, after))
-        both = apply(params, states, embedding, windows, method="every_row")
-        q, online = jnp.split(both, 2)  # [B, rows, A]
-        target = apply(target_params, batch.next_obs, target_embedding, after, method="every_row")
-        goal = td_targets(config, table, online, target, batch.shared, batch.cut)
-        learns = jnp.broadcast_to(table.is_open, goal.shape)
-    else:
-        next_row, reward = table.step(batch.row, batch.shared.letter)  # [B]
-        q = apply(params, batch.obs, embedding, batch.row, before)[:, None]  # [B, 1, A]
-        target = apply(target_params, batch.next_obs, target_embedding, next_row, after)[:, None]
-        if config.double or config.printed_argmax:
-            which, coded = (params, embedding) if config.double else (target_params, target_embedding)
-            row = batch.row if config.printed_argmax else next_row
-            chooser = apply(which, batch.next_obs, coded, row, after)[:, None]
-        else:
-            chooser = target
-        goal = td_target(config, table, next_row[:, None], reward[:, None], chooser, target, batch.shared, batch.cut)
-        learns = jnp.ones_like(goal, bool)
-
-    taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows] or [B, 1]
-    error = taken - jax.lax.stop_gradient(goal)
-    loss = jnp.mean(optax.losses.huber_loss(error), where=learns)
-    return loss, {"loss": loss, "q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}
 
 
 def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: int) -> Agent:

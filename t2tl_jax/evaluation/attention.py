@@ -20,7 +20,7 @@ from t2tl_jax.ltl import TaskTable
 from t2tl_jax.ltl.tokens import token_names
 from t2tl_jax.networks.task_encoders import TransformerTaskEncoder, attention_weights
 from t2tl_jax.task_env import TaskEnv, TaskParams
-from t2tl_jax.training.types import Agent, Carry, Params, repeated
+from t2tl_jax.training.types import Agent, AgentCarry, Params, repeated
 from t2tl_jax.training.unroll import Episode, Player, begin, player_of, unroll, where
 
 Queries = Literal["all", "root"]
@@ -73,7 +73,7 @@ class Met:
     """One step of each of E episodes: drawn from those that it spent in a row, or its first one if there are none."""
 
     obs: jax.Array  # float32[E, O]
-    carry: Carry  # of the policy before that step
+    carry: AgentCarry  # of the policy before that step
     steps: jax.Array  # int32[E], steps that the episode spent in the row
 
 
@@ -81,7 +81,7 @@ class Met:
 class Meeting:
     """Episodes under way: the agent's carry, what was met so far, and whether an episode is still the first one."""
 
-    carry: Carry  # leading axis [E]
+    carry: AgentCarry  # leading axis [E]
     met: Met
     alive: jax.Array  # bool[E]
 
@@ -211,7 +211,7 @@ def removal_effects(agent: Agent, params: Params, codes: jax.Array, met: Met) ->
     index = np.flatnonzero(chosen | (not found))
     seen = jax.tree.map(lambda x: x[index], (met.obs, met.carry))
 
-    def effects(params: Params, seen: tuple[jax.Array, Carry], codes: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def effects(params: Params, seen: tuple[jax.Array, AgentCarry], codes: jax.Array) -> tuple[jax.Array, jax.Array]:
         obs, carry = seen
 
         def one_token(code: jax.Array) -> tuple[jax.Array, jax.Array]:

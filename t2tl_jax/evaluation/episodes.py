@@ -6,7 +6,7 @@ from flax import struct
 
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.program import OVER_SEEDS
-from t2tl_jax.training.types import Agent, Carry, Params, repeated
+from t2tl_jax.training.types import Agent, AgentCarry, Params, repeated
 from t2tl_jax.training.unroll import Episode, Player, Step, begin, player_of, unroll
 
 CHUNK = 25
@@ -50,7 +50,7 @@ def play(
 def first_episodes(
     env: TaskEnv,
     policy: Player,
-    carry: Carry,
+    carry: AgentCarry,
     env_params: TaskParams,
     key: jax.Array,
     episodes: int,
@@ -98,7 +98,7 @@ def first_episodes(
         known = jax.tree.map(lambda so_far, new: (so_far + new.sum(0)).astype(so_far.dtype), known, results)
         return under_way, carry, known, chunk + 1
 
-    start: tuple[Episode, Carry, Episodes, jax.Array] = (first, carry, unknown, jnp.int32(0))
+    start: tuple[Episode, AgentCarry, Episodes, jax.Array] = (first, carry, unknown, jnp.int32(0))
     return jax.lax.while_loop(under_way, go_on, start)[2]
 
 

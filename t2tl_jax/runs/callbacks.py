@@ -1,7 +1,7 @@
 """What watches a training: the interface of metrics files, of a progress bar, or of anything that a user brings.
 
 Callbacks run on the host between iterations, in the order in which they are given; what one of them raises ends the
-training. `loggers.py` and `progress_bar.py` hold those of this project.
+training, and the others are told of the end. `loggers.py` and `progress_bar.py` hold those of this project.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ Row = Mapping[str, float | int | None]
 
 
 @dataclass
-class Progress:
+class TrainingProgress:
     """How far a training is; callbacks may read it, and end the training by setting `stop`."""
 
     config: Config
@@ -37,10 +37,16 @@ class Progress:
     """Iterations behind us."""
     started_from: int = 0
     """Iterations that earlier sessions of a resumed run had done."""
+    pretraining_seconds: float = 0.0
+    """Wall clock that this session spent on its pre-training, compiling included; compiling for the training itself
+    goes on meanwhile."""
+    compile_wait_seconds: float = 0.0
+    """Wall clock that this session waited for compiling and did nothing else. With `pretraining_seconds` and
+    `train_seconds` nothing is counted twice."""
     compile_seconds: float = 0.0
-    """What compiling took in this session."""
+    """What compiling took in this session, from its beginning to its end, beside whatever went on meanwhile."""
     train_seconds: float = 0.0
-    """What training took in this session, so far."""
+    """Wall clock that training took in this session, so far."""
     success_since: tuple[int, ...] = ()
     """By seed, the iteration from which on its success rate stayed above 95 %, counted from 1; 0 while it does not."""
     stop: str = ""
@@ -52,17 +58,21 @@ class Progress:
 class Callback:
     """Does nothing; derive from it and override what you need."""
 
-    def on_plan(self, progress: Progress) -> None:
+    def on_plan(self, progress: TrainingProgress) -> None:
         """Everything has been checked; compiling comes next."""
 
-    def on_start(self, progress: Progress) -> None:
+    def on_start(self, progress: TrainingProgress) -> None:
         """Compiled; the first iteration comes next."""
 
-    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+    def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
         """An iteration is over: one row for each seed, in the order of the seeds."""
 
-    def on_checkpoint(self, progress: Progress) -> None:
+    def on_checkpoint(self, progress: TrainingProgress) -> None:
         """A checkpoint is about to be written, which counts on everything recorded so far."""
 
-    def on_end(self, progress: Progress) -> None:
-        """The training is over, also if it was interrupted or failed."""
+    def on_end(self, progress: TrainingProgress) -> None:
+        """The training is over, also if it was interrupted or failed.
+
+        Every callback that was told of the plan hears of the end, whatever another one raises, and even if `on_start`
+        never came.
+        """

@@ -140,8 +140,8 @@ class Config:
         if self.learner.freezes_task_encoder and not self.pretrained and learned:
             raise ValueError(
                 "a frozen task encoder that was not pre-trained never learns anything, got "
-                "learner.network.freeze_task_encoder=True with pretrained=''; give --pretrained auto, or "
-                "--learner.network.freeze-task-encoder False"
+                "learner.network.freeze_task_encoder=True with pretrained=''; set pretrained='auto', or "
+                "freeze_task_encoder=False"
             )
         if self.pretrained and not learned:
             raise ValueError(

@@ -11,9 +11,8 @@ from typing import Any
 
 import cattrs
 
-import t2tl_jax.agents  # noqa: F401, registers the learners and, with them, the task encoders
 from t2tl_jax.env import EnvConfig
-from t2tl_jax.errors import UserError
+from t2tl_jax.errors import NotRegistered, UserError
 from t2tl_jax.names import nearest
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.registry import AGENTS, ENVS, TASK_ENCODERS, Registry
@@ -69,7 +68,8 @@ def from_json(text: str, source: str) -> Config:
         source: what to call it in messages.
 
     Raises:
-        UserError: for text that is not JSON, unknown fields (from another version, say) and unsuitable values.
+        UserError: for text that is not JSON, unknown fields (from another version, say) and unsuitable values;
+            NotRegistered for a kind that is not known.
     """
     try:
         data = json.loads(text)
@@ -79,7 +79,8 @@ def from_json(text: str, source: str) -> Config:
         return _converter().structure(migrated(data), Config)
     except Exception as error:  # cattrs groups whatever the dataclasses raise
         problems = [_readable(line) for line in cattrs.transform_error(error, path="config", format_exception=_explain)]
-        raise UserError(
+        missing = isinstance(error, ExceptionGroup) and error.subgroup(NotRegistered)
+        raise (NotRegistered if missing else UserError)(
             f"{source} does not fit this version:\n  "
             + "\n  ".join(problems[:8])
             + "\nUse the version that is named in the run's versions.json, or edit the file."

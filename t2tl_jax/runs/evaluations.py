@@ -13,7 +13,7 @@ from t2tl_jax.runs import machine_files
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
-from t2tl_jax.runs.policy import of_seed
+from t2tl_jax.runs.policy import seed_slice
 from t2tl_jax.training.seeds import ANIMATION, EVALUATION, stream_keys
 from t2tl_jax.training.types import Params
 
@@ -37,7 +37,7 @@ def settings(folder: RunFolder, experiment: Experiment, checkpoint: str, iterati
     }
 
 
-def evaluate(experiment: Experiment, params: Params, episodes: int, episode_length: int) -> dict[str, Report]:
+def evaluate_policies(experiment: Experiment, params: Params, episodes: int, episode_length: int) -> dict[str, Report]:
     """Play complete episodes with both policies of every seed, on the key stream kept for that.
 
     Both programs compile and run side by side.
@@ -151,10 +151,10 @@ def draw_episode(experiment: Experiment, params: Params, folder: RunFolder) -> b
         return False
     key = stream_keys(experiment.seeds, ANIMATION)[0]
     env_params = experiment.env_params(training=False)
-    env_params = replace(env_params, env=of_seed(env_params.env, 0))
+    env_params = replace(env_params, env=seed_slice(env_params.env, 0))
     length = experiment.config.episode_length
     recording = record(
-        experiment.task_env, view, experiment.agent, of_seed(params, 0), env_params, key, length, deterministic=True
+        experiment.task_env, view, experiment.agent, seed_slice(params, 0), env_params, key, length, deterministic=True
     )
     try:
         save_gif(recording, view, folder.gif, captions(experiment.row_texts()))

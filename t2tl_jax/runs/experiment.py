@@ -8,7 +8,6 @@ from typing import Any
 import jax
 from jax.sharding import NamedSharding
 
-import t2tl_jax.agents  # noqa: F401, registers the learners and, with them, the task encoders
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import TaskTable

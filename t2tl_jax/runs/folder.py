@@ -72,7 +72,7 @@ def create(path: Path, config: Config, versions: dict[str, Any]) -> RunFolder:
             write_config(folder, config)
         return folder
     except OSError as error:
-        raise UserError(f"cannot create a run in {path}: {error.strerror or error}; see --run.folder") from error
+        raise UserError(f"cannot create a run in {path}: {error.strerror or error}; give another folder") from error
 
 
 def write_config(folder: RunFolder, config: Config) -> None:

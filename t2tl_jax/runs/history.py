@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from t2tl_jax.runs.callbacks import Callback, Progress, Row
+from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
 
 
 class History(Callback):
@@ -15,7 +15,7 @@ class History(Callback):
         self._earlier = dict(earlier or {})
         self._rows: list[Sequence[Row]] = []
 
-    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+    def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
         """Keep the rows."""
         self._rows.append(rows)
 

@@ -25,7 +25,7 @@ class Hooks:
     parameters that it takes."""
 
 
-def train(
+def run_loop(
     iterate: Callable[[Any, Any], tuple[Any, Metrics]],
     train_state: Any,
     done: int,

@@ -8,7 +8,7 @@ from flax import struct
 
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import TaskTable, compile_named
-from t2tl_jax.training.types import Agent, Carry, Params
+from t2tl_jax.training.types import Agent, AgentCarry, Params
 
 
 @struct.dataclass
@@ -29,11 +29,11 @@ class Policy:
     agent: Agent = struct.field(pytree_node=False)
     """The learner's functions."""
 
-    def begin(self) -> Carry:
+    def begin(self) -> AgentCarry:
         """What the policy remembers of one environment's episode at its start; () for a policy without memory."""
         return self.agent.begin()
 
-    def remember(self, carry: Carry, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Carry:
+    def remember(self, carry: AgentCarry, obs: jax.Array, action: jax.Array, reward: jax.Array) -> AgentCarry:
         """The carry after a step in which `action` was taken on `obs` and `reward` followed."""
         return self.agent.remember(self.params, carry, obs, action, reward)
 
@@ -55,7 +55,7 @@ class Policy:
         return texts.index(text)
 
     def __call__(
-        self, obs: jax.Array, task: jax.Array | int | str, carry: Carry = None, key: jax.Array | None = None
+        self, obs: jax.Array, task: jax.Array | int | str, carry: AgentCarry = None, key: jax.Array | None = None
     ) -> jax.Array:
         """The action: the mode of the policy's distribution, or a draw from it if there is a `key`.
 
@@ -82,6 +82,6 @@ class Policy:
         return self.agent.act(self.params, self.embedding, carry, jnp.asarray(obs), row, key, deterministic)
 
 
-def of_seed(tree: Any, index: int) -> Any:
-    """One seed's part of a tree with leading axis [seeds]."""
+def seed_slice(tree: Any, index: int) -> Any:
+    """The part of one seed, at `index`, of a tree with leading axis [seeds]."""
     return jax.tree.map(lambda leaf: leaf[index], tree)

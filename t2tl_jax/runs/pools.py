@@ -89,4 +89,4 @@ def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
             length=pool.length,
         )
     except TooLargeError as error:
-        raise TooLargeError(f"{error}; the flags: --pool.length, --pool.rows, --pool.size") from error
+        raise TooLargeError(f"{error}; the fields: pool.length, pool.rows, pool.size") from error

@@ -13,7 +13,7 @@ import numpy as np
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import is_family
-from t2tl_jax.registry import TASK_ENCODERS, named_config
+from t2tl_jax.registry import TASK_ENCODERS
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import machine_files
 from t2tl_jax.runs.checkpoints import Checkpoints
@@ -22,6 +22,8 @@ from t2tl_jax.runs.differences import differences
 from t2tl_jax.runs.experiment import Experiment, build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.metrics_file import ending
+from t2tl_jax.runs.pretraining_schedule import SCHEDULE
+from t2tl_jax.single_state import SingleStateConfig
 from t2tl_jax.training import transfer
 from t2tl_jax.training.types import Params
 
@@ -34,10 +36,6 @@ GIVEN = "given"
 
 OWN = "own"
 """Behind ``auto:``, the task of the run itself."""
-
-SCHEDULE = "pretrain_zone"
-"""Name of the configuration whose sizes and schedule a pre-training takes; the encoder and the propositions are those
-of the run."""
 
 FOLDER = "pretraining"
 """Folder inside a run in which its own pre-training lies, an ordinary run."""
@@ -63,7 +61,7 @@ def matching(config: Config, env: LabelledEnv) -> Config:
 
     An encoder that reads padding also gets as much of it, as far as `config` says how much.
     """
-    base = named_config(SCHEDULE)
+    base = SCHEDULE
     _, _, named = config.pretrained.partition(":")
     task = config.task if named == OWN else named or base.task
     reader = config.learner.task_encoder
@@ -73,7 +71,7 @@ def matching(config: Config, env: LabelledEnv) -> Config:
     network = replace(base.learner.network, task_encoder=reader, freeze_task_encoder=False)
     return replace(
         base,
-        env=replace(base.env, propositions=tuple(env.propositions)),
+        env=SingleStateConfig(tuple(env.propositions)),
         task=task,
         task_length=0 if random else length,
         pool=replace(base.pool, length=length) if random and length else base.pool,
@@ -113,10 +111,17 @@ def check(experiment: Experiment, first: "Result | None") -> Experiment:
             if checkpoints.latest_iteration() is None:
                 raise UserError(
                     f"{folder.checkpoints} holds no complete checkpoint, so there is no encoder to start with; finish "
-                    f"that run with --resume {folder.path}, or give --pretrained auto to pre-train now"
+                    "that run (resume), or set pretrained='auto' to pre-train now"
                 )
         return before
-    before = build(matching(config, experiment.env))
+    try:
+        before = build(matching(config, experiment.env))
+    except UserError as error:
+        raise UserError(
+            f"pretrained={config.pretrained!r} cannot be done: {error}\n"
+            "In pre-training one proposition at a time is made true. pretrained='auto:TASK' takes another task for it, "
+            "pretrained='' does without."
+        ) from error
     _check_padding(before, experiment, f"the pre-training on {before.config.task}")
     if before.pools is not None:
         before.pools(0)
@@ -140,7 +145,7 @@ def _check_fits(before: Experiment, experiment: Experiment, source: str) -> None
         kind, wanted = (TASK_ENCODERS.name_of(one) for one in (theirs, ours))
         raise UserError(
             f"{source} trained a task encoder of kind {kind}, and this run has {wanted}; "
-            f"set --learner.network.task-encoder {kind}, or pre-train another"
+            f"set learner.network.task_encoder to a {type(theirs).__name__}, or pre-train another"
         )
     departures = list(differences(theirs, ours, "learner.network.task_encoder."))
     if departures:
@@ -164,17 +169,18 @@ def _check_padding(before: Experiment, experiment: Experiment, source: str) -> N
         return
     theirs, ours = (one.table.tokens.shape[-1] for one in (before, experiment))
     if theirs != ours:
-        flag = "--pool.length" if experiment.pools is not None else "--task-length"
+        field = "pool.length" if experiment.pools is not None else "task_length"
         raise UserError(
             "a Transformer with masked=False reads the padding of its formulas too, so they need as many tokens here "
             f"as in its pre-training: {theirs} in {source}, {ours} in this run; "
-            f"set {flag} {theirs}, or another length with --pretrained auto, which then pre-trains with that length too"
+            f"set {field}={theirs}, or another length with pretrained='auto', which pre-trains with that length too"
         )
 
 
 def summary(first: "Result") -> dict[str, Any]:
     """What a pre-training cost, and how it ended, as far as is known."""
     status = {} if first.folder is None else run_folder.read_json(RunFolder(first.folder).status)
+    spent = status.get("all_sessions", {})
     frames = first.iteration * first.experiment.agent.frames_per_iteration
     end = ending(first.metrics, LAST) if "episodes" in first.metrics else {}
 
@@ -187,7 +193,8 @@ def summary(first: "Result") -> dict[str, Any]:
         "task": first.config.task,
         "seeds": list(first.seeds),
         "frames_per_seed": frames,
-        **{name: status.get("all_sessions", {}).get(name, 0.0) for name in ("compile_seconds", "training_seconds")},
+        "compile_wait_seconds": spent.get("compile_wait_seconds", spent.get("compile_seconds", 0.0)),
+        "training_seconds": spent.get("training_seconds", 0.0),
         "success_rate": rounded("success_rate", 4),
         "discounted_return": rounded("discounted_return", 4),
         "length": rounded("length", 3),
@@ -196,9 +203,11 @@ def summary(first: "Result") -> dict[str, Any]:
 
 def in_words(summary: dict[str, Any]) -> str:
     """The summary as one line."""
-    seconds = summary["compile_seconds"] + summary["training_seconds"]
+    # A status of before knows no wait, and counts all that compiling took.
+    waited = summary.get("compile_wait_seconds", summary.get("compile_seconds", 0.0))
+    spent = f" in {waited + summary['training_seconds']:.0f} s" if summary["folder"] else ""
     return (
-        f"{summary['frames_per_seed']:,} frames per seed on {summary['task']} in {seconds:.0f} s, "
+        f"{summary['frames_per_seed']:,} frames per seed on {summary['task']}{spent}, "
         f"discounted return {_mean(summary['discounted_return'], 3)}, length {_mean(summary['length'], 2)}"
     )
 

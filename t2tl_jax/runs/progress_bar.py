@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from tqdm import tqdm
 
-from t2tl_jax.runs.callbacks import Callback, Progress, Row
+from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
 
 SHOWN = (("success", "success_rate", 3), ("return", "discounted_return", 3), ("length", "length", 0))
 """Label, column of the metrics and digits of what stands behind the bar."""
@@ -20,7 +20,7 @@ class ProgressBar(Callback):
     def __init__(self) -> None:
         self._bar: tqdm | None = None
 
-    def on_start(self, progress: Progress) -> None:
+    def on_start(self, progress: TrainingProgress) -> None:
         """Show an empty bar, or that of a resumed run where it stood."""
         frames, seeds = progress.frames_per_iteration, len(progress.seeds)
         self._bar = tqdm(
@@ -35,7 +35,7 @@ class ProgressBar(Callback):
         if not self._bar.fp.isatty():
             self._bar.mininterval = 10.0  # a log file needs no ten lines per second
 
-    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+    def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
         """Move on by one iteration."""
         assert self._bar is not None
         shown = {label: _mean_text(rows, name, digits) for label, name, digits in SHOWN}
@@ -45,7 +45,7 @@ class ProgressBar(Callback):
         self._bar.set_postfix(shown, refresh=False)
         self._bar.update(progress.frames_per_iteration)
 
-    def on_end(self, progress: Progress) -> None:
+    def on_end(self, progress: TrainingProgress) -> None:
         """Leave the finished bar on the screen."""
         if self._bar is not None:
             self._bar.close()

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import jax
 import numpy as np
@@ -15,7 +14,7 @@ from t2tl_jax.ltl import TaskTable
 from t2tl_jax.runs import evaluations
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
-from t2tl_jax.runs.policy import Policy, of_seed
+from t2tl_jax.runs.policy import Policy, seed_slice
 from t2tl_jax.runs.pools import make_table
 from t2tl_jax.runs.success import success_since, window
 from t2tl_jax.training.types import Params
@@ -77,13 +76,15 @@ class Result:
 
         Args:
             seed: its number; by default the first one.
-            task: another task than the one that was trained on, as a text or a table.
+            task: another task than the one that was trained on, as a text or a table. A one-hot code has a fixed size
+                and tells a table's rows apart by their places: it takes tables with no more open rows than that, and
+                has learned nothing about the rows of another task.
 
         Raises:
             UserError: for a seed or a task that does not fit.
         """
         experiment = self._on(task)
-        params = of_seed(self.params, self.index(seed))
+        params = seed_slice(self.params, self.index(seed))
         embedding = jax.jit(experiment.agent.embed)(params, experiment.table)
         return Policy(params, embedding, experiment.table, experiment.agent)
 
@@ -97,7 +98,7 @@ class Result:
         """Play complete episodes with every seed; reports with intervals of the deterministic and the sampled policy.
 
         Args:
-            task: another task than the one that was trained on.
+            task: another task than the one that was trained on; of a one-hot code see `policy`.
             episodes: per seed and policy.
             env: another environment with the same observations, actions and propositions, such as other physics.
             episode_length: another time limit, in steps.
@@ -109,7 +110,7 @@ class Result:
         if env is not None:
             experiment = replace(experiment, env=env)
         length = self.config.episode_length if episode_length is None else episode_length
-        return evaluations.evaluate(experiment, self.params, episodes, length)
+        return evaluations.evaluate_policies(experiment, self.params, episodes, length)
 
     def _on(self, task: str | TaskTable | None) -> Experiment:
         """The experiment with another task; UserError if the network cannot read it."""
@@ -122,7 +123,7 @@ class Result:
             table = task
         experiment = self.experiment.with_table(table)
         try:
-            jax.eval_shape(experiment.agent.embed, of_seed_shapes(self.params), table)
+            jax.eval_shape(lambda params: experiment.agent.embed(seed_slice(params, 0), table), self.params)
         except (ValueError, TypeError) as error:
             raise UserError(
                 f"the network of this run cannot read {task}: {error}\n"
@@ -130,8 +131,3 @@ class Result:
                 "train another run for this one."
             ) from error
         return experiment
-
-
-def of_seed_shapes(params: Params) -> Any:
-    """Shapes and dtypes of one seed's part of parameters with leading axis [seeds]."""
-    return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), params)

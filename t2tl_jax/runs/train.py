@@ -199,8 +199,8 @@ def refuse_other_changes(stored: Config, config: Config) -> None:
     ]
     if changed:
         raise UserError(
-            "a resumed run keeps its configuration; only --frames, --until-solved, --convergence.* and --run.* "
-            f"apply, not {', '.join(changed)}"
+            f"a resumed run keeps its configuration; only its fields {', '.join(CHANGEABLE)} may change, "
+            f"not {', '.join(changed)}"
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import loop, pretraining
-from t2tl_jax.runs.callbacks import Callback, Progress
+from t2tl_jax.runs.callbacks import Callback, TrainingProgress
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints, best_params
 from t2tl_jax.runs.compilation import Compiled
 from t2tl_jax.runs.convergence import Convergence
@@ -41,12 +41,12 @@ class Training:
     """Who may ask to stop."""
     callbacks: Sequence[Callback] = ()
     """Those of the user."""
-    run_folder: RunFolder | None = None
+    paths: RunFolder | None = None
     """Where the run is kept; None for nowhere."""
     pretrain: Callable[[], Result] | None = None
     """Gives the earlier training whose task encoder a new run starts with; it may take a while."""
 
-    progress: Progress = field(init=False)
+    progress: TrainingProgress = field(init=False)
     checkpoints: Checkpoints | None = field(init=False, default=None)
     past: History = field(init=False)
     convergence: Convergence = field(init=False)
@@ -61,20 +61,21 @@ class Training:
         """
         experiment, config = self.experiment, self.experiment.config
         frames = experiment.agent.frames_per_iteration
-        path = None if self.run_folder is None else self.run_folder.path
+        path = None if self.paths is None else self.paths.path
         pools = experiment.pools is not None
-        self.progress = progress = Progress(
+        self.progress = progress = TrainingProgress(
             config, experiment.seeds, config.iterations, frames, pools, path, experiment.devices
         )
         with ExitStack() as stack:
             files = self._open(stack)
             state = self._restore()
-            for callback in self.callbacks:
-                callback.on_plan(progress)
-            if not progress.stop:
-                progress.stop = "complete" if progress.done >= config.iterations else self._reason()
-            callbacks = [self.past, *files, *self.callbacks]
+            callbacks, planned = [self.past, *files, *self.callbacks], []
             try:
+                for callback in callbacks:
+                    planned.append(callback)
+                    callback.on_plan(progress)
+                if not progress.stop:
+                    progress.stop = "complete" if progress.done >= config.iterations else self._reason()
                 if not progress.stop:
                     compiled, state = self._begin(state)
                     for callback in callbacks:
@@ -85,20 +86,20 @@ class Training:
                 raise
             finally:
                 progress.stop = progress.stop or "failed"
-                for callback in callbacks:
-                    callback.on_end(progress)
+                _end(planned, progress)
         if progress.done == 0:
             raise Interrupted(f"before the first iteration was complete: {progress.stop}")
         return Result(experiment, best_params(state), self.past.arrays(), progress.done, progress.stop, path)
 
     def _open(self, stack: ExitStack) -> list[Callback]:
         """Lock the run's folder; the callbacks that write its files."""
-        run = self.run_folder
-        if run is None:
+        paths = self.paths
+        if paths is None:
             return []
-        stack.enter_context(run_folder.locked(run))
-        self.checkpoints = stack.enter_context(Checkpoints(run.checkpoints))
-        return [CSVLogger(run.metrics), TensorBoardLogger(run.path / "tensorboard"), StatusFile(run, self.progress)]
+        stack.enter_context(run_folder.locked(paths))
+        self.checkpoints = stack.enter_context(Checkpoints(paths.checkpoints))
+        tensorboard = TensorBoardLogger(paths.path / "tensorboard")
+        return [CSVLogger(paths.metrics), tensorboard, StatusFile(paths, self.progress)]
 
     def _restore(self) -> Any:
         """The state behind the newest checkpoint, on the devices; None where there is none."""
@@ -122,12 +123,12 @@ class Training:
 
     def _earlier(self, done: int) -> dict[str, np.ndarray]:
         """The metrics behind a checkpoint, by name float[seeds, done]."""
-        assert self.run_folder is not None
+        assert self.paths is not None
         going_on = done < self.experiment.config.iterations
         try:
             if going_on:
-                lines_up_to(self.run_folder.metrics, done)  # the logger would say the same, but after compiling
-            return {name: values[:, :done] for name, values in history(self.run_folder.metrics).items()}
+                lines_up_to(self.paths.metrics, done)  # the logger would say the same, but after compiling
+            return {name: values[:, :done] for name, values in history(self.paths.metrics).items()}
         except MetricsFileError as error:
             if not going_on:  # the parameters can be used without
                 return {}
@@ -144,18 +145,23 @@ class Training:
 
     def _begin(self, state: Any) -> tuple[Compiled, Any]:
         """Compile, beside the pre-training of a new run if it has one, and make its first state."""
-        experiment, program, fresh = self.experiment, self.experiment.program, state is None
+        experiment, progress = self.experiment, self.progress
+        program, fresh, clock = experiment.program, state is None, time.monotonic
         compilation, encoder = experiment.compilation(fresh), None
         try:
             if fresh and self.pretrain is not None:
+                begin = clock()
                 first = self.pretrain()
+                progress.pretraining_seconds = clock() - begin
                 encoder = pretraining.encoder(experiment, first)
-                self.progress.notes["pretraining"] = pretraining.summary(first)
+                progress.notes["pretraining"] = pretraining.summary(first)
+            begin = clock()
             compiled = self.stop.call(compilation.result, "while compiling")
+            progress.compile_wait_seconds = clock() - begin
         except BaseException:
             self.stop.abandon(compilation.thread)
             raise
-        self.progress.compile_seconds = compiled.seconds
+        progress.compile_seconds = compiled.seconds
         if fresh:
             state = compiled.init(program.keys, program.env_params)
             if encoder is not None:
@@ -204,7 +210,16 @@ class Training:
         with pools:
             hooks = loop.Hooks(record, save, stopping, prepare)
             period = config.run.checkpoint_period if self.checkpoints is not None else float("inf")
-            done, state = loop.train(compiled.iterate, state, progress.done, progress.iterations, period, hooks)
+            done, state = loop.run_loop(compiled.iterate, state, progress.done, progress.iterations, period, hooks)
         progress.train_seconds = time.monotonic() - begin
         progress.stop = progress.stop if done < progress.iterations else "complete"
         return state
+
+
+def _end(callbacks: Sequence[Callback], progress: TrainingProgress) -> None:
+    """Tell all of them of the end, whatever any of them raises; an error has the one before it as its context."""
+    if callbacks:
+        try:
+            callbacks[0].on_end(progress)
+        finally:
+            _end(callbacks[1:], progress)

@@ -19,7 +19,7 @@ from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.task_env import TaskParams
 
 Params = Any  # the variables of a Flax module
-Carry = Any  # a pytree: what a policy takes from step to step of an episode
+AgentCarry = Any  # a pytree: what a policy takes from step to step of an episode
 
 
 @struct.dataclass
@@ -127,18 +127,18 @@ class Agent(NamedTuple):
     init: Callable[[jax.Array, TaskParams], Any]
     iterate: Callable[[Any, TaskParams], tuple[Any, Metrics]]
     embed: Callable[[Params, TaskTable], jax.Array]
-    act: Callable[[Params, jax.Array, Carry, jax.Array, jax.Array, jax.Array, bool], jax.Array]
+    act: Callable[[Params, jax.Array, AgentCarry, jax.Array, jax.Array, jax.Array, bool], jax.Array]
     frames_per_iteration: int
-    begin: Callable[[], Carry] = lambda: ()
-    remember: Callable[[Params, Carry, jax.Array, jax.Array, jax.Array], Carry] = (
+    begin: Callable[[], AgentCarry] = lambda: ()
+    remember: Callable[[Params, AgentCarry, jax.Array, jax.Array, jax.Array], AgentCarry] = (
         lambda params, carry, obs, action, reward: carry
     )
     restart: Callable[[Any, TaskParams], Any] | None = None
-    compare: Callable[[Params, Carry, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]] | None = None
+    compare: Callable[[Params, AgentCarry, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]] | None = None
     map_params: Callable[[Any, Callable[[Params], Params]], Any] = map_params
     num_envs: int = 1
 
 
-def repeated(carry: Carry, size: int) -> Carry:
+def repeated(carry: AgentCarry, size: int) -> AgentCarry:
     """The same carry for each of `size` environments, leading axis [size]."""
     return jax.tree.map(lambda x: jnp.broadcast_to(x, (size, *x.shape)), carry)

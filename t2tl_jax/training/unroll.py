@@ -16,7 +16,7 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
-from t2tl_jax.training.types import Agent, Carry, EpisodeTotals, Params, repeated
+from t2tl_jax.training.types import Agent, AgentCarry, EpisodeTotals, Params, repeated
 
 
 @struct.dataclass
@@ -38,7 +38,7 @@ class Step:
 
     obs: jax.Array  # float32[N, O], what the policy saw
     row: jax.Array  # int32, of the task then
-    carry: Carry  # what the policy knew then
+    carry: AgentCarry  # what the policy knew then
     action: jax.Array  # [N, A], or int32[N]
     extras: Any  # what the policy says about its choice, such as the action's density
     state: State  # s'
@@ -66,8 +66,8 @@ class Player(NamedTuple):
         the episode `ended` bool[N] the next one begins
     """
 
-    act: Callable[[Carry, State, jax.Array], tuple[jax.Array, Carry, Any]]
-    observe: Callable[[Carry, State, jax.Array, jax.Array, jax.Array], Carry] = (
+    act: Callable[[AgentCarry, State, jax.Array], tuple[jax.Array, AgentCarry, Any]]
+    observe: Callable[[AgentCarry, State, jax.Array, jax.Array, jax.Array], AgentCarry] = (
         lambda carry, state, action, reward, ended: carry
     )
 
@@ -75,10 +75,10 @@ class Player(NamedTuple):
 def player_of(agent: Agent, env: TaskEnv, params: Params, embedding: jax.Array, deterministic: bool) -> Player:
     """A trained agent as it is evaluated: its parameters stay, and its carry begins anew with every episode."""
 
-    def act(carry: Carry, state: State, key: jax.Array) -> tuple[jax.Array, Carry, tuple[()]]:
+    def act(carry: AgentCarry, state: State, key: jax.Array) -> tuple[jax.Array, AgentCarry, tuple[()]]:
         return agent.act(params, embedding, carry, state.obs, env.row(state), key, deterministic), carry, ()
 
-    def observe(carry: Carry, state: State, action: jax.Array, reward: jax.Array, ended: jax.Array) -> Carry:
+    def observe(carry: AgentCarry, state: State, action: jax.Array, reward: jax.Array, ended: jax.Array) -> AgentCarry:
         after = agent.remember(params, carry, state.obs, action, reward)
         return where(ended, repeated(agent.begin(), len(ended)), after)
 
@@ -105,11 +105,11 @@ def advance(
     env_params: TaskParams,
     policy: Player,
     episodes: Episode,
-    carry: Carry,
+    carry: AgentCarry,
     key: jax.Array,
     limit: int,
     discount: float,
-) -> tuple[Episode, Carry, Step]:
+) -> tuple[Episode, AgentCarry, Step]:
     """One step of all environments; finished episodes are replaced by new ones of `limit` steps."""
     act_key, reset_key = jax.random.split(key)
     before = episodes.state
@@ -155,13 +155,13 @@ def unroll(
     env_params: TaskParams,
     policy: Player,
     episodes: Episode,
-    carry: Carry,
+    carry: AgentCarry,
     key: jax.Array,
     length: int,
     limit: int,
     discount: float,
     keep: Callable[[Step], Any] = lambda step: (),
-) -> tuple[Episode, Carry, Any]:
+) -> tuple[Episode, AgentCarry, Any]:
     """`length` steps of N environments, from episode to episode.
 
     Args:
@@ -180,7 +180,7 @@ def unroll(
         Where the environments stand, the carry, and what was kept, with a leading axis [length].
     """
 
-    def one_step(before: tuple[Episode, Carry], key: jax.Array) -> tuple[tuple[Episode, Carry], Any]:
+    def one_step(before: tuple[Episode, AgentCarry], key: jax.Array) -> tuple[tuple[Episode, AgentCarry], Any]:
         *after, step = advance(env, env_params, policy, *before, key, limit, discount)
         return tuple(after), keep(step)
 

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.dqn import DQNConfig, dqn_loss, make_dqn, td_targets
+from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+from t2tl_jax.agents.td_learning import dqn_loss, td_targets
 from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.context import ContextConfig

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs.single_state import SingleState
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
+from t2tl_jax.single_state import SingleState
 from t2tl_jax.task_env import TaskEnv
 from tests.agents import sizes
 from tests.probe import DiscreteProbeEnv

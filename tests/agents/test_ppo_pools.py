@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs.single_state import EPISODE_LENGTH, SingleState
 from t2tl_jax.agents.ppo import PPOConfig, make_ppo
 from t2tl_jax.ltl import compile_pool, compile_tasks, named_task
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.single_state import EPISODE_LENGTH, SingleState
 from t2tl_jax.task_env import TaskEnv, TaskParams
 
 NETWORK = NetworkConfig(

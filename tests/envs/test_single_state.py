@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs.single_state import EPISODE_LENGTH, SingleState, SingleStateConfig
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.registry import make_env
+from t2tl_jax.single_state import EPISODE_LENGTH, SingleState, SingleStateConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.unroll import Player, begin, unroll
 

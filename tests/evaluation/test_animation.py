@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from PIL import Image, ImageFont
 
-from envs.single_state import SingleState
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
 from envs.zones import ZoneConfig, ZoneEnv
 from t2tl_jax.evaluation.animation import (
@@ -22,6 +21,7 @@ from t2tl_jax.evaluation.animation import (
     save_gif,
     wrapped,
 )
+from t2tl_jax.single_state import SingleState
 from t2tl_jax.view import Scene, View
 
 VIEW = View(lambda state, params: state, (0.0, 0.0), (4.0, 2.0), ("Red",), 0.25, (255, 255, 255), 0.5)

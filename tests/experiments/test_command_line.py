@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from envs.waterworld import WaterWorldConfig
-from experiments import run
+from experiments import compare, evaluate, run
+from experiments.benchmarks import env
 from experiments.cli import request as command_line
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.errors import UserError
@@ -91,6 +92,7 @@ def test_a_part_can_be_of_another_kind():
         (["--config", "waterworld_dqn", "--env.physics", "mjx"], "unknown option '--env.physics'"),
         (["--config", "zone_ppo", "--learner", "pp"], "unknown learner 'pp'; did you mean 'ppo'?"),
         (["--config", "zone_ppo", "--env", "zone"], "unknown environment 'zone'; did you mean 'zones'?"),
+        (["--config", "zone_ppo", "--env", "zone"], "is known once its module is imported. --import MODULE imports"),
         (
             ["--config", "zone_ppo", "--learner.network.task-encoder", "onehot"],
             "unknown task encoder 'onehot'; did you mean 'one_hot'?",
@@ -173,6 +175,25 @@ def test_every_misspelt_option_is_answered(capsys):
         ["--learner.clp-eps", "--learner.clip-eps"],
         ["--frame", "--frames"],
     ]
+
+
+@pytest.mark.parametrize(
+    ("command", "words", "said"),
+    [
+        (evaluate, [], "python -m experiments.evaluate takes one run before its options, got none; see"),
+        (evaluate, ["here", "there", "--gif", "True"], "takes one run before its options, got here there; see"),
+        (evaluate, ["--run", "here"], "--run is no option: give it by itself, before the options; see"),
+        (evaluate, ["here", "-q"], "every option begins with --, got '-q'; see python -m experiments.evaluate --help"),
+        (evaluate, ["here", "--episodes", "few"], "--episodes takes a whole number, got 'few'"),
+        (compare, [], "name one run or more"),
+        (env, ["zones"], "every option begins with --, got 'zones'; see python -m experiments.benchmarks.env --help"),
+        (env, ["--steps", "0"], "steps must be at least 1, got 0"),
+    ],
+)
+def test_mistakes_of_other_commands_are_told_in_one_line(command, words, said, capsys):
+    assert command.main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"error: {said}") or f" {said}" in line
 
 
 def test_unknown_tasks_are_refused_with_the_nearest(capsys, tmp_path):

@@ -30,7 +30,7 @@ def test_a_method_changes_its_switches_only(base, name):
     assert (network.context is not None) == method.context
     assert all(change.partition("=")[0].startswith(SWITCHES) for change in differences(before, after))
     if isinstance(after.learner, DQNConfig):
-        assert after.learner.counterfactual == method.simultaneous
+        assert after.learner.counterfactual == method.counterfactual
     assert (after.random_starts > 0) == (name == "rm" and base == "zone_ppo")
     if method.task_encoder is OneHotConfig:
         assert after.pretrained == "" and not network.freeze_task_encoder

@@ -1,14 +1,16 @@
 """Runs that start with a pre-trained encoder need it once: whatever becomes of its run later, they can be resumed."""
 
 import shutil
+import time
 
 import pytest
 
-from envs.single_state import SingleStateConfig
 from experiments import attention
 from t2tl_jax.runs import experiment, pretraining
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.pools import make_table
+from t2tl_jax.single_state import SingleStateConfig
+from tests.fake_learner import PRETRAINING
 
 pytestmark = pytest.mark.slow  # every test makes a run or two
 
@@ -56,8 +58,13 @@ def test_the_start_of_a_run_whose_pretraining_run_is_gone_is_not_drawn(train, so
 
 
 def test_a_run_with_a_checkpoint_does_not_prepare_its_own_pretraining_again(train, resume, read_json, monkeypatch):
-    monkeypatch.setattr(pretraining, "SCHEDULE", "pretrain_fake")
+    monkeypatch.setattr(pretraining, "SCHEDULE", PRETRAINING)
+    begin = time.monotonic()
     folder = train("--frames", "200", *NO_EVALUATION, "--pretrained", "auto")
+    wall = time.monotonic() - begin
+    session = read_json(folder / "status.json")["last_session"]
+    apart = [session[f"{name}_seconds"] for name in ("pretraining", "compile_wait", "training")]
+    assert apart[0] > 0 and apart[2] > 0 and sum(apart) < wall  # no second is in two of them
     assert read_json(folder / "config.json")["pretrained"] == "auto"
     summary = read_json(folder / "status.json")["pretraining"]
     assert summary["folder"] == str(folder / "pretraining")

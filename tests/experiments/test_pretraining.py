@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 import t2tl_jax
-from envs.single_state import SingleStateConfig
 from experiments import methods, pretrain, run
-from t2tl_jax import registry
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
@@ -22,6 +20,7 @@ from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
+from t2tl_jax.single_state import SingleStateConfig
 
 ENCODER = (
     *("--learner.network.task-encoder", "gru"),
@@ -84,8 +83,7 @@ def test_pools_change_and_a_resumed_run_meets_the_same_ones(command, capsys):
 def test_a_run_pretrains_for_itself_once_and_starts_with_that_encoder(command, monkeypatch, capsys, tmp_path):
     learner = dataclasses.replace(SCHEDULE.learner, **SIZES)
     small = dataclasses.replace(SCHEDULE, learner=learner, frames=384, convergence=ConvergenceConfig())
-    monkeypatch.setitem(registry._CONFIGS, "small_schedule", (small, "for this test"))
-    monkeypatch.setattr(pretraining, "SCHEDULE", "small_schedule")
+    monkeypatch.setattr(pretraining, "SCHEDULE", small)
     flags = ("--task", "F(Red & F Black)", "--pretrained", "auto:F(Red & F White)", "--seeds", "2")
     freeze = ("--learner.network.freeze-task-encoder", "True")
     folder = command(*flags, *freeze, "--frames", "256")
@@ -143,15 +141,15 @@ READER = "learner.network.task_encoder"
             {"network": {"task_encoder": GRUConfig()}},
             {},
             {},
-            f"of kind gru, and this run has transformer; set --{READER.replace('_', '-')} gru",
+            f"of kind gru, and this run has transformer; set {READER} to a GRUConfig",
         ),
         ({}, {}, {}, "holds no complete checkpoint"),
         ({}, {"task_encoder": TransformerConfig(layers=2)}, {}, f"{READER}.layers=2"),
         ({"env": SingleStateConfig(("a", "b")), "task": "F a"}, {}, {}, "over a, b, in this order; this environment"),
         ({"seeds": "2"}, {}, {"seeds": "3"}, "holds seeds 0, 1 and not 2"),
-        ({"network": UNMASKED}, UNMASKED, {}, r"40 in .*pretrain_zone.*, 8 in this run; set --task-length 40"),
+        ({"network": UNMASKED}, UNMASKED, {}, r"40 in .*pretrain_zone.*, 8 in this run; set task_length=40"),
         ({"network": UNMASKED}, UNMASKED, {"task_length": 40}, "no complete checkpoint"),
-        ({"network": UNMASKED}, UNMASKED, {"task": "Sequence_2_3"}, "48 in this run; set --pool.length 40"),
+        ({"network": UNMASKED}, UNMASKED, {"task": "Sequence_2_3"}, "48 in this run; set pool.length=40"),
     ],
 )
 def test_encoders_that_do_not_fit_are_refused_before_anything_is_traced(

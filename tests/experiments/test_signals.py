@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from t2tl_jax.runs import pretraining
+from tests.fake_learner import PRETRAINING
 
 pytestmark = pytest.mark.slow  # every test waits for a process that loads JAX
 
@@ -82,7 +83,7 @@ def test_stop_during_training_saves_and_resumes_and_during_evaluation_keeps_the_
 
 def test_stop_during_automatic_pretraining_gives_one_hint_which_works(tmp_path, resume, read_json, monkeypatch):
     """Before it compiles, and after it has been resumed and is at work."""
-    monkeypatch.setattr(pretraining, "SCHEDULE", "pretrain_fake")
+    monkeypatch.setattr(pretraining, "SCHEDULE", PRETRAINING)
     process = start(tmp_path, "300", pretrained="auto", FAKE_SECONDS="0.05")
     stop_in_pretraining(process, tmp_path, "/pretraining\n")
     (run,) = (tmp_path / "fake").iterdir()

@@ -34,6 +34,8 @@ MAY_IMPORT = {
     "t2tl_jax.env": {"t2tl_jax.view"},
     "t2tl_jax.task_env": {"t2tl_jax.env", "t2tl_jax.ltl"},
     "t2tl_jax.wrappers": {"t2tl_jax.task_env"},
+    # The world of pre-training, which is a part of the method.
+    "t2tl_jax.single_state": {"t2tl_jax.env"},
     "t2tl_jax.networks": {"t2tl_jax.ltl"},
     "t2tl_jax.networks.task_encoder": {"t2tl_jax.ltl"},
     "t2tl_jax.training": LEARNING,
@@ -41,7 +43,12 @@ MAY_IMPORT = {
     "t2tl_jax.evaluation": LEARNING | {"t2tl_jax.view"},
     # What a network attends to is asked of the network itself.
     "t2tl_jax.evaluation.attention": LEARNING | {"t2tl_jax.evaluation", "t2tl_jax.networks"},
-    "t2tl_jax.runs": LEARNING | INTERFACE | {"t2tl_jax.agents", "t2tl_jax.evaluation"},
+    "t2tl_jax.runs": LEARNING | INTERFACE | {"t2tl_jax.agents", "t2tl_jax.evaluation", "t2tl_jax.single_state"},
+    # The one configuration of the library itself, with a network of its own.
+    "t2tl_jax.runs.pretraining_schedule": {
+        *("t2tl_jax.runs.config", "t2tl_jax.runs.convergence", "t2tl_jax.single_state"),
+        *("t2tl_jax.agents", "t2tl_jax.networks"),
+    },
     "t2tl_jax": {"t2tl_jax"},  # the face
     "envs": INTERFACE,
     "experiments": {"t2tl_jax", "envs"},
@@ -107,6 +114,9 @@ def test_imports_go_one_way():
         ("t2tl_jax.registry", "from t2tl_jax.runs.config import Config", True),
         ("t2tl_jax.env", "from t2tl_jax.ltl import TaskTable", True),
         ("t2tl_jax.task_env", "from envs.zones import ZoneEnv", True),
+        ("t2tl_jax.single_state", "from t2tl_jax.ltl import TaskTable", True),
+        ("t2tl_jax.runs.pretraining", "from t2tl_jax.networks.actor_critic import NetworkConfig", True),
+        ("t2tl_jax.runs.pretraining_schedule", "from t2tl_jax.networks.actor_critic import NetworkConfig", False),
         ("t2tl_jax.networks.transformer", "from t2tl_jax.agents import ppo", True),
         ("t2tl_jax.networks.transformer", "from t2tl_jax.task_env import TaskEnv", True),
         ("t2tl_jax.training.types", "from t2tl_jax.networks.task_encoder import TaskEncoderConfig", False),

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from envs.single_state import SingleStateConfig
 from envs.zones import ZoneConfig
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
@@ -18,6 +17,7 @@ from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import configs, named_config
 from t2tl_jax.runs import config_files
+from t2tl_jax.single_state import SingleStateConfig
 
 ZONE = named_config("zone_ppo")
 ROOT = Path(__file__).parents[2]

@@ -31,7 +31,7 @@ def test_every_iteration_is_recorded_once_and_before_it_is_saved(monkeypatch, ba
         events.append(("save", iteration))
 
     hooks = loop.Hooks(record, save, lambda: stop_after is not None and dispatched >= stop_after, prepare)
-    reached, state = loop.train(iterate, 2, 2, 7, period, hooks)
+    reached, state = loop.run_loop(iterate, 2, 2, 7, period, hooks)
     expected = 7 if stop_after is None else 2 + stop_after
     assert reached == state == expected
     assert [n for kind, n in events if kind == "record"] == list(range(3, expected + 1))

@@ -13,7 +13,7 @@ from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.differences import differences
 from t2tl_jax.runs.pools import make_table
-from tests.fake_learner import CONFIG
+from tests.fake_learner import CONFIG, PRETRAINING
 
 MACHINE = "start -> a\notherwise -> stay\n\na -> b : Red\nb -> done : Black / 1\n"
 OTHER = MACHINE.replace("Black", "Yellow")
@@ -88,7 +88,7 @@ def test_runs_are_compared_by_what_their_machines_say(machine, tmp_path):
 
 @pytest.mark.slow
 def test_its_own_pretraining_keeps_a_copy_too(train, resume, machine, monkeypatch):
-    monkeypatch.setattr(pretraining, "SCHEDULE", "pretrain_fake")
+    monkeypatch.setattr(pretraining, "SCHEDULE", PRETRAINING)
     folder = train(*FLAGS, "--pretrained", "auto:own")
     machine.unlink()
     assert (folder / "pretraining" / "mine.rm").read_text() == MACHINE

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import t2tl_jax
-from envs.single_state import SingleStateConfig
 from experiments import run
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import TooLargeError, compile_pool
@@ -16,6 +15,7 @@ from t2tl_jax.runs import pools as run_pools
 from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.config import PoolConfig
 from t2tl_jax.runs.pools import make_pools
+from t2tl_jax.single_state import SingleStateConfig
 from tests import fake_learner
 
 ENV = make_env(SingleStateConfig())
@@ -80,9 +80,9 @@ def test_caps_too_small_for_the_first_pool_are_explained_before_anything_is_writ
     unlucky(lambda name: name == "0")
     flags = ["--config", "pretrain_fake", "--run.folder", str(tmp_path / "runs"), "--pool.size", "2"]
     assert run.main([*flags, "--task", "Until_1_2_1_1"]) == 2
-    assert "1 of 2 formulas were found; the flags: --pool.length, --pool.rows, --pool.size" in capsys.readouterr().err
+    assert "1 of 2 formulas were found; the fields: pool.length, pool.rows, pool.size" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
-    monkeypatch.setattr(pretraining, "SCHEDULE", "pretrain_fake")
+    monkeypatch.setattr(pretraining, "SCHEDULE", fake_learner.PRETRAINING)
     with pytest.raises(UserError, match="1 of 2 formulas"):
         t2tl_jax.train(fake_learner.CONFIG, pretrained="auto")
 

@@ -42,7 +42,7 @@ class Diary(Callback):
         self.entries.append(("plan", progress.iterations, progress.frames_per_iteration, progress.seeds))
 
     def on_start(self, progress):
-        assert progress.compile_seconds > 0
+        assert progress.compile_seconds > 0 and progress.compile_wait_seconds > 0
         self.entries.append(("start", progress.done))
 
     def on_iteration(self, progress, rows):
@@ -256,6 +256,32 @@ def test_a_callback_may_end_it_before_it_begins():
     with pytest.raises(t2tl_jax.Interrupted, match="only asked for the plan"):
         run_it(callbacks=[Never(), diary])
     assert [entry[0] for entry in diary.entries] == ["plan", "end"]
+
+
+def test_every_callback_that_was_planned_is_ended_whatever_others_raise():
+    class Broken(Callback):
+        def __init__(self, name, of_plan=False):
+            self._name, self._of_plan = name, of_plan
+
+        def on_plan(self, progress):
+            progress.stop = "only asked for the plan"
+            if self._of_plan:
+                raise RuntimeError(f"{self._name} has no plan")
+
+        def on_end(self, progress):
+            raise RuntimeError(f"{self._name} cannot be closed")
+
+    first, second = Diary(), Diary()
+    with pytest.raises(RuntimeError, match="the other cannot be closed") as raised:
+        run_it(callbacks=[Broken("one"), first, Broken("the other"), second])
+    assert "one cannot be closed" in str(raised.value.__context__)  # nothing that was raised is lost
+    assert [[entry[0] for entry in diary.entries] for diary in (first, second)] == [["plan", "end"]] * 2
+
+    early, late = Diary(), Diary()
+    with pytest.raises(RuntimeError, match="it cannot be closed") as raised:
+        run_it(callbacks=[early, Broken("it", of_plan=True), late])
+    assert "it has no plan" in str(raised.value.__context__)
+    assert [entry[0] for entry in early.entries] == ["plan", "end"] and late.entries == []
 
 
 # ----- ends -----

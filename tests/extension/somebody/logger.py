@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from t2tl_jax import Callback, Progress, Row
+from t2tl_jax import Callback, Row, TrainingProgress
 
 
 class JSONLines(Callback):
@@ -13,6 +13,6 @@ class JSONLines(Callback):
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def on_iteration(self, progress: Progress, rows: Sequence[Row]) -> None:
+    def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
         with open(self._path, "a", encoding="utf-8") as file:
             file.writelines(json.dumps(dict(row)) + "\n" for row in rows)
