@@ -93,6 +93,9 @@ WATERWORLD = Config(
     episode_length=waterworld.EPISODE_LENGTH,
 )
 
+# The paper's own form: code and state side by side, and the pre-trained encoder trained on by the loss of DQN.
+WATERWORLD_PAPER = replace(WATERWORLD, learner=DQNConfig(network=QNetworkConfig(head="concat", task_layer=512)))
+
 # The reward-machine experiments of JAIR 2022 in their own world: one environment, one update after every step. Their
 # learning rate was 1e-5, and three layers of 1,024 read the state. Seed i runs on map i; their maps are 1 to 10.
 _RM_DQN = DQNConfig(
@@ -171,6 +174,11 @@ register_config(
     WATERWORLD,
     "T1TL by double DQN on phi_water in WaterWorld, every sub-task learned from every step; 2.5 million frames after "
     "pre-training on the same task",
+)
+register_config(
+    "waterworld_dqn_paper",
+    WATERWORLD_PAPER,
+    "the same in the paper's form: code concatenated with the state, pre-trained encoder trained on by the DQN loss",
 )
 register_config(
     "rm_water_crm",
