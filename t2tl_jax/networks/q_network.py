@@ -43,8 +43,8 @@ class QNetworkConfig:
     dueling: bool = True
     """Value and advantage apart (Wang et al., 2016), as in the reward-machine experiments."""
     context: ContextConfig | None = None
-    """The Transformer that reads the last steps of the episode (T2TL); its output joins the state's trunk behind the
-    first layer, which also embeds the observations of the window. None for a policy without memory."""
+    """The window of the last steps and who reads it (T2TL); its output joins the state's trunk behind the first layer,
+    which also embeds the observations of the window. None for a policy without memory."""
 
     def __post_init__(self) -> None:
         checks.sizes(self, "state_layers")
