@@ -16,6 +16,7 @@ from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import register_config
 from t2tl_jax.runs.config import Config, PoolConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig
+from t2tl_jax.runs.pretraining_published import as_published
 
 # The short schedule: small iterations and few environments. Chosen on seeds from 100 on; see docs/results.md.
 _SHORT = PPOConfig(
@@ -45,6 +46,7 @@ ZONE_PUBLISHED = Config(
     task="phi_zone",
     task_length=25,
     pretrained="auto:own",
+    pretraining_schedule="published",
     learner=PPOConfig(
         network=NetworkConfig(
             task_encoder=_PUBLISHED_READER,
@@ -52,7 +54,7 @@ ZONE_PUBLISHED = Config(
             mean_scale=1.0,
             value_scale=1.0,
             context=ContextConfig(
-                transformer=replace(_PUBLISHED_READER, layers=2),
+                reader=replace(_PUBLISHED_READER, layers=2),
                 reset=False,
                 aligned=False,
                 halved=True,
@@ -210,6 +212,19 @@ register_config(
     "pretrain_zone",
     PRETRAINING,
     "pre-training of the task encoder on random formulas over ZoneEnv's colours; --task phi_zone as published",
+)
+register_config(
+    "pretrain_zone_published",
+    replace(
+        as_published(PRETRAINING),
+        task=ZONE_PUBLISHED.task,
+        task_length=ZONE_PUBLISHED.task_length,
+        learner=replace(
+            as_published(PRETRAINING).learner,
+            network=replace(as_published(PRETRAINING).learner.network, task_encoder=_PUBLISHED_READER),
+        ),
+    ),
+    "the pre-training of zone_ppo_published: phi_zone itself, two million frames, encoder and constants as published",
 )
 register_config(
     "pretrain_water",
