@@ -201,7 +201,7 @@ def can_be_read(folder):
     np.testing.assert_allclose(read["attention_start"]["by_head"], read["attention_end"]["by_head"], atol=1e-5)
     assert (folder / "attention_projections.png").stat().st_size > 10_000
     with np.load(folder / "attention_projections.npz") as weights:  # the start is made anew, from the seed: exactly
-        assert weights["start"].shape == weights["end"].shape == (4, 8, 8, 64)
+        assert weights["start"].shape == weights["end"].shape == (1, 8, 8, 64)
         np.testing.assert_array_equal(weights["start"], weights["end"])
         assert not weights["relative_change"].any()
     assert read["observations"] == 4 and read["observations_met_in_row"]
