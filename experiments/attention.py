@@ -19,7 +19,8 @@ from t2tl_jax.quiet import quiet_imports
 @dataclass(frozen=True)
 class Arguments:
     """Draw the attention that every token of a formula receives at the start and at the end of training, and what the
-    decisions lose without it; store the numbers beside the picture, and print them."""  # fmt: skip
+    decisions lose without it; store the numbers beside the picture, and print them. A second picture shows the
+    out-projection weights of the attention layers at both times, and their change."""  # fmt: skip
 
     run: tyro.conf.Positional[Path]
     """Folder of the run."""
@@ -38,7 +39,8 @@ class Arguments:
     episodes: int = 256
     """Episodes that are played to meet observations, of each of which one is used."""
     output: Path | None = None
-    """Picture to write, attention.png in the run by default; the numbers go beside it as .json."""
+    """Picture to write, attention.png in the run by default; the numbers go beside it as .json, the out-projection
+    weights as _projections.png and .npz."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -137,6 +139,24 @@ def _read(arguments: Arguments) -> None:
     plot_attention(target, title, (stages["start"], before), (stages["end"], after), removal, unit)
     run_folder.write_json(target.with_suffix(".json"), what | _numbers(before, after, removal))
     print(f"drawn: {target}\nstored: {target.with_suffix('.json')}")
+    _draw_projections(target, title, (stages["start"], start), (stages["end"], end))
+
+
+def _draw_projections(target: Path, title: str, start: tuple[str, Any], end: tuple[str, Any]) -> None:
+    """The weights behind the attention, in files beside its picture; `start` and `end` are names and parameters."""
+    import numpy as np
+
+    from t2tl_jax.evaluation.projections import Projections, out_projections, plot_projections
+
+    weights = Projections(*(out_projections(params["params"]["task_encoder"]) for _, params in (start, end)))
+    picture = target.with_name(f"{target.stem}_projections.png")
+    plot_projections(picture, f"out-projection weights: {title}", (start[0], end[0]), weights)
+    change = weights.relative_change
+    np.savez(picture.with_suffix(".npz"), start=weights.start, end=weights.end, relative_change=change)
+    print(
+        f"change of the out-projections, by layer: {', '.join(f'{x:.3f}' for x in change.mean(axis=1))} of their size"
+    )
+    print(f"drawn: {picture}\nstored: {picture.with_suffix('.npz')}")
 
 
 def _start(folder: Any, config: Any, seed: int, fresh: Any) -> tuple[str, Any]:

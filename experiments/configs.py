@@ -14,6 +14,7 @@ from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import register_config
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.pretraining_published import as_published
 from t2tl_jax.runs.pretraining_schedule import SCHEDULE
 from t2tl_jax.single_state import SingleStateConfig
 
@@ -45,6 +46,7 @@ ZONE_PUBLISHED = Config(
     task="phi_zone",
     task_length=25,
     pretrained="auto:own",
+    pretraining_schedule="published",
     learner=PPOConfig(
         network=NetworkConfig(
             task_encoder=_PUBLISHED_READER,
@@ -52,7 +54,7 @@ ZONE_PUBLISHED = Config(
             mean_scale=1.0,
             value_scale=1.0,
             context=ContextConfig(
-                transformer=replace(_PUBLISHED_READER, layers=2),
+                reader=replace(_PUBLISHED_READER, layers=2),
                 reset=False,
                 aligned=False,
                 halved=True,
@@ -92,6 +94,9 @@ WATERWORLD = Config(
     frames=2_500_000,
     episode_length=waterworld.EPISODE_LENGTH,
 )
+
+# The paper's own form: code and state side by side, and the pre-trained encoder trained on by the loss of DQN.
+WATERWORLD_PAPER = replace(WATERWORLD, learner=DQNConfig(network=QNetworkConfig(head="concat", task_layer=512)))
 
 # The reward-machine experiments of JAIR 2022 in their own world: one environment, one update after every step. Their
 # learning rate was 1e-5, and three layers of 1,024 read the state. Seed i runs on map i; their maps are 1 to 10.
@@ -148,6 +153,11 @@ register_config(
     "pre-training on the same task",
 )
 register_config(
+    "waterworld_dqn_paper",
+    WATERWORLD_PAPER,
+    "the same in the paper's form: code concatenated with the state, pre-trained encoder trained on by the DQN loss",
+)
+register_config(
     "rm_water_crm",
     _RM_WATER,
     "reward-machine benchmark: ten tasks, one update per step for every state (crm); seeds 1 to 10 are its maps",
@@ -177,6 +187,19 @@ register_config(
     "pretrain_zone",
     SCHEDULE,
     "pre-training of the task encoder on random formulas over ZoneEnv's colours; --task phi_zone as published",
+)
+register_config(
+    "pretrain_zone_published",
+    replace(
+        as_published(SCHEDULE),
+        task=ZONE_PUBLISHED.task,
+        task_length=ZONE_PUBLISHED.task_length,
+        learner=replace(
+            as_published(SCHEDULE).learner,
+            network=replace(as_published(SCHEDULE).learner.network, task_encoder=_PUBLISHED_READER),
+        ),
+    ),
+    "the pre-training of zone_ppo_published: phi_zone itself, two million frames, encoder and constants as published",
 )
 register_config(
     "pretrain_water",

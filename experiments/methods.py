@@ -30,6 +30,8 @@ class Method:
     context: bool
     counterfactual: bool
     """Whether every step teaches every sub-task, as far as the learner can."""
+    code_size: int | None = None
+    """Numbers of a one-hot code where the method says how many; else as many as the configuration's has."""
 
 
 METHODS = {
@@ -39,10 +41,15 @@ METHODS = {
     "rm": Method("the automaton's or reward machine's state, every state learned (CRM)", OneHotConfig, False, True),
     "dfa": Method("the automaton's state, only the own one learned", OneHotConfig, False, False),
     "dfa_cont": Method("dfa with the context window", OneHotConfig, True, False),
+    "dfa_number": Method(
+        "dfa with the state's number as code, as in the paper's curves", OneHotConfig, False, False, 1
+    ),
+    "rm_6": Method("rm with a code of 6 numbers: the paper's curve", OneHotConfig, False, True, 6),
 }
 
 START_ANYWHERE = 0.5
-"""Share of episodes that `rm` starts in a random state under PPO, which cannot learn from another state's steps."""
+"""Share of episodes that `rm` (and `rm_6`) starts in a random state under PPO, which cannot learn from another state's
+steps."""
 
 WINDOW = {PPOConfig: 8, DQNConfig: 12}
 """Published lengths of the context window, where the configuration has none."""
@@ -52,8 +59,8 @@ def apply(config: Config, name: str) -> Config:
     """The configuration with the switches of a method.
 
     Simultaneous learning needs a learner that can relabel steps. Under PPO, for which the authors' code has none
-    either, only `rm` has its on-policy form: episodes that start in a random state. One-hot codes have nothing to
-    pre-train, and in pre-training there is no context.
+    either, only `rm` and `rm_6` have its on-policy form: episodes that start in a random state. One-hot codes have
+    nothing to pre-train, and in pre-training there is no context.
 
     Raises:
         UserError: for a learner that is not one of the paper's.
@@ -69,7 +76,7 @@ def apply(config: Config, name: str) -> Config:
     learned = method.task_encoder.learned
     network = replace(
         network,
-        task_encoder=_encoder(method.task_encoder, network),
+        task_encoder=_encoder(method, network),
         freeze_task_encoder=network.freeze_task_encoder and learned,
         context=context,
     )
@@ -78,11 +85,18 @@ def apply(config: Config, name: str) -> Config:
         learner = replace(learner, counterfactual=method.counterfactual)
         return replace(config, pretrained=pretrained, learner=learner)
     config = replace(config, pretrained=pretrained, learner=learner)
-    return replace(config, random_starts=START_ANYWHERE if name == "rm" else 0.0)
+    return replace(config, random_starts=START_ANYWHERE if _starts_anywhere(method) else 0.0)
 
 
-def _encoder(kind: type[TaskEncoderConfig], network: NetworkConfig | QNetworkConfig) -> TaskEncoderConfig:
+def _starts_anywhere(method: Method) -> bool:
+    return method.task_encoder is OneHotConfig and method.counterfactual
+
+
+def _encoder(method: Method, network: NetworkConfig | QNetworkConfig) -> TaskEncoderConfig:
     """The encoder that the configuration has, if it is of this kind; else the network's own default, or the kind's."""
+    kind = method.task_encoder
+    if method.code_size is not None:
+        return OneHotConfig(method.code_size)
     for candidate in (network, type(network)()):
         if isinstance(candidate.task_encoder, kind):
             return candidate.task_encoder

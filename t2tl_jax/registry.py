@@ -107,6 +107,7 @@ class Registry(Generic[T]):
 
 ENVS: Registry = Registry("environment", "register_env")
 TASK_ENCODERS: Registry = Registry("task encoder", "register_task_encoder")
+CONTEXT_READERS: Registry = Registry("context reader", "register_context_reader")
 AGENTS: Registry = Registry("learner", "register_agent")
 
 _CONFIGS: dict[str, tuple[Any, str]] = {}
@@ -144,6 +145,23 @@ def register_task_encoder(name: str, config: type, make: Callable[..., Any]) -> 
         ValueError: if the name or the class is taken.
     """
     TASK_ENCODERS.register(name, config, make)
+
+
+def register_context_reader(name: str, config: type, make: Callable[..., Any]) -> None:
+    """Register a reader of context windows: ``make(config)`` gives a Flax module.
+
+    Its call takes tokens [B, K, width], oldest first, and which of them are steps of the episode, bool[B, K]; it gives
+    [B, output].
+
+    Args:
+        name: what stored configurations and ``--learner.network.context.reader NAME`` call it.
+        config: a frozen dataclass derived from `SequenceEncoderConfig`.
+        make: from an instance of it to the module.
+
+    Raises:
+        ValueError: if the name or the class is taken.
+    """
+    CONTEXT_READERS.register(name, config, make)
 
 
 def register_agent(name: str, config: type, make: Callable[..., Any]) -> None:

@@ -11,7 +11,7 @@ MOST = 4
 
 def use() -> None:
     """Ask JAX for as many CPU devices as there are cores; nothing happens where the user chose a number."""
-    chosen = jax.config.jax_num_cpu_devices >= 0 or "xla_force_host_platform_device_count" in os.environ.get(
+    chosen = jax.config.values["jax_num_cpu_devices"] >= 0 or "xla_force_host_platform_device_count" in os.environ.get(
         "XLA_FLAGS", ""
     )
     if not chosen:

@@ -22,7 +22,7 @@ from t2tl_jax.runs.folder import open_existing
 DESCRIPTION = """Train an agent on a temporal-logic task.
 
   --config NAME   start from a named configuration; every option below overrides one of its fields
-  --method NAME   make it one of the methods t2tl, t1tl, gnn, rm, dfa or dfa_cont, all else being equal
+  --method NAME   make it one of the methods t2tl, t1tl, gnn, rm, dfa, dfa_cont, dfa_number or rm_6, and no more
   --list          show the named configurations, the methods, and what else has a name
   --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer),
                   --until-solved, --convergence.* and --run.* apply

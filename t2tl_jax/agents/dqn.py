@@ -19,7 +19,7 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
-from t2tl_jax.agents.td_learning import Transition, dqn_loss
+from t2tl_jax.agents.td_learning import Transition, code_change, dqn_loss
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
@@ -27,8 +27,8 @@ from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 from t2tl_jax.training.best import keep_best
-from t2tl_jax.training.optimizer import clipped_adam
-from t2tl_jax.training.types import Agent, LearnerConfig, Metrics, Params, repeated
+from t2tl_jax.training.optimizer import AdamLearnerConfig, clipped_adam
+from t2tl_jax.training.types import Agent, Metrics, Params, repeated
 from t2tl_jax.training.unroll import Episode, Player, Step, advance, begin, by_task, env_scalars, summed
 
 MAX_TASKS_APART = 16
@@ -36,7 +36,7 @@ MAX_TASKS_APART = 16
 
 
 @dataclass(frozen=True)
-class DQNConfig(LearnerConfig):
+class DQNConfig(AdamLearnerConfig):
     """Double DQN's network and constants."""
 
     network: QNetworkConfig = field(default_factory=QNetworkConfig)
@@ -80,6 +80,7 @@ class DQNConfig(LearnerConfig):
     """Treat the time limit as an end of the task instead of bootstrapping."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         checks.counts(self, "num_envs", "unroll_length", "updates_per_step", "batch_size", "buffer_size")
         checks.counts(self, "target_period")
         checks.counts(self, "learning_starts", least=0)
@@ -146,12 +147,17 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
     num_actions = env.num_actions
     network = QNetwork(config.network, num_actions)
     apply: Callable[..., Any] = network.apply  # as in dqn_loss
+    codes_move = config.task_encoder.learned and not config.freezes_task_encoder
     begin_carry = partial(network.begin, env.observation_size)
     remember = partial(apply, method="remember")
     total_steps = iterations * config.unroll_length
     gradient_steps = total_steps * config.updates_per_step
     optimizer = clipped_adam(
-        config.learning_rate, config.max_gradient_norm, gradient_steps, anneal=config.anneal_learning_rate
+        config.learning_rate,
+        config.max_gradient_norm,
+        gradient_steps,
+        anneal=config.anneal_learning_rate,
+        task_encoder_learning_rate=config.task_encoder_learning_rate,
     )
     replay = flashbax.make_item_buffer(
         config.buffer_size, min_length=1, sample_batch_size=config.batch_size, add_batches=True
@@ -283,6 +289,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         has to be held.
         """
         batch = replay.sample(state.buffer, key).experience
+        movement = code_change(table, embedding, state.target_embedding) if codes_move else {}
 
         def loss(params: Params, embedding: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
             target = state.target_params, state.target_embedding
@@ -295,7 +302,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         opt_state = jax.tree.map(
             lambda new, old: jnp.where(ready, new, old) if new.ndim == 0 else new, opt_state, state.opt_state
         )
-        return replace(state, params=optax.apply_updates(state.params, updates), opt_state=opt_state), scalars
+        params = optax.apply_updates(state.params, updates)
+        return replace(state, params=params, opt_state=opt_state), scalars | movement
 
     def iterate(state: DQNState, env_params: TaskParams) -> tuple[DQNState, Metrics]:
         table = env_params.table

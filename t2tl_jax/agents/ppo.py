@@ -25,13 +25,13 @@ from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.advantages import generalised_advantages
 from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.devices import on_each, over_envs
-from t2tl_jax.training.optimizer import clipped_adam
-from t2tl_jax.training.types import Agent, EpisodeTotals, LearnerConfig, Metrics, Params, repeated
+from t2tl_jax.training.optimizer import AdamLearnerConfig, clipped_adam
+from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics, Params, repeated
 from t2tl_jax.training.unroll import Episode, Player, Step, begin, env_scalars, summed, unroll
 
 
 @dataclass(frozen=True)
-class PPOConfig(LearnerConfig):
+class PPOConfig(AdamLearnerConfig):
     """PPO's networks and constants. The defaults were tuned on `phi_zone`; `zone_ppo_published` has the paper's."""
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
@@ -77,6 +77,7 @@ class PPOConfig(LearnerConfig):
     """Cut the very first episode of each environment at a random length, so that resets do not come in step."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         checks.counts(self, "num_envs", "unroll_length", "epochs", "minibatch_size", "batch_size")
         checks.shares(self, "discount", "gae_lambda")
         checks.positive(self, "adam_epsilon", "clip_eps", "noise_decay", "max_gradient_norm")
@@ -235,6 +236,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         gradient_steps,
         anneal=config.anneal_learning_rate,
         epsilon=config.adam_epsilon,
+        task_encoder_learning_rate=config.task_encoder_learning_rate,
     )
 
     def embed(params: Params, table: TaskTable) -> jax.Array:

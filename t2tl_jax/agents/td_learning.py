@@ -68,6 +68,20 @@ def td_targets(
     return td_target(config, table, next_row, reward, chooser, at_next(target), shared, cut)
 
 
+def code_change(table: TaskTable, embedding: jax.Array, target_embedding: jax.Array) -> dict[str, jax.Array]:
+    """How far the open rows' codes have moved since the target's copy: RMS, and as a share of their own RMS.
+
+    embedding, target_embedding: float32[rows, dim], of now and of then. Values that are learned for a code hold for the
+    one of now only as far as it stays where it was.
+    """
+
+    def rms(codes: jax.Array) -> jax.Array:
+        return jnp.sqrt(jnp.mean(jnp.square(codes), where=table.is_open[:, None]))
+
+    change = rms(embedding - target_embedding)
+    return {"code_change": change, "code_change_relative": change / jnp.maximum(rms(target_embedding), 1e-8)}
+
+
 def dqn_loss(
     config: "DQNConfig",
     network: QNetwork,
@@ -108,4 +122,9 @@ def dqn_loss(
     taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows] or [B, 1]
     error = taken - jax.lax.stop_gradient(goal)
     loss = jnp.mean(optax.losses.huber_loss(error), where=learns)
-    return loss, {"loss": loss, "q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}
+    scalars = {"q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}
+    if config.counterfactual:
+        # How far the target network's values are behind those of the online one: RMS over all actions at s'.
+        lag = jax.lax.stop_gradient(jnp.square(online - target).mean(axis=-1))
+        scalars["target_lag"] = jnp.sqrt(jnp.mean(lag, where=learns))
+    return loss, {"loss": loss, **scalars}

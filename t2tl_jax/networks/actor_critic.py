@@ -43,7 +43,7 @@ class NetworkConfig:
     observation: Literal["symlog", "raw"] = "symlog"
     """Squash observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as published."""
     context: ContextConfig | None = None
-    """The Transformer that reads the last steps of the episode (T2TL); None for a policy without memory (T1TL)."""
+    """The window of the last steps of the episode and who reads it (T2TL); None for a policy without memory (T1TL)."""
 
     def __post_init__(self) -> None:
         checks.sizes(self, "env_layers", "actor_layers", "critic_layers")

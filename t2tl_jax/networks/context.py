@@ -1,4 +1,4 @@
-"""The context: the last steps of an episode, read by a second Transformer (T2TL).
+"""The context: the last steps of an episode, read by a second Transformer (T2TL) or another reader of sequences.
 
 A policy with context carries one `Window` per environment: empty at the start of an episode, one token longer after
 every step, the newest token always in the last slot. Window functions take one window or any batch of them.
@@ -15,21 +15,25 @@ import jax.numpy as jnp
 from flax import linen as nn
 from flax import struct
 
+from t2tl_jax.networks.gru import GRUConfig, GRUWindowReader
 from t2tl_jax.networks.initializers import t_fixup_embedding, unit_norm
+from t2tl_jax.networks.task_encoder import SequenceEncoderConfig
 from t2tl_jax.networks.transformer import TransformerConfig, TransformerEncoder
+from t2tl_jax.registry import CONTEXT_READERS, register_context_reader
 
 
 @dataclass(frozen=True)
 class ContextConfig:
-    """Sizes and switches of the context Transformer."""
+    """What the window holds, and who reads it."""
 
     length: int = 8
     """Steps that the window holds."""
-    transformer: TransformerConfig = field(
+    reader: SequenceEncoderConfig = field(
         default_factory=lambda: TransformerConfig(layers=1, width=32, feed_forward=128)
     )
-    """The Transformer that reads the window, by default of the sizes that the published code comes down to; unless it
-    is masked, empty slots count as tokens of zeros."""
+    """Who reads the window: a Transformer, by default of the sizes that the published code comes down to (unless it is
+    masked, empty slots count as tokens of zeros), a GRU from the oldest step to the newest, or any other that is
+    registered."""
     reset: bool = True
     """Empty the window at the start of every episode (paper); the published code never does."""
     aligned: bool = True
@@ -54,18 +58,22 @@ class ContextConfig:
                 "aligned=False gives every step the window of another one, so steps share nothing; it needs "
                 f"segment_length=1, got segment_length={self.segment_length}"
             )
-        if self.halved and self.transformer.layers < 2:
+        if self.halved and not isinstance(self.reader, TransformerConfig):
             raise ValueError(
-                f"halved=True needs a context Transformer of two layers or more, got layers={self.transformer.layers}"
+                f"halved=True is a mistake in building a Transformer, got a reader of {type(self.reader).__name__}"
+            )
+        if isinstance(self.reader, TransformerConfig) and self.halved and self.reader.layers < 2:
+            raise ValueError(
+                f"halved=True needs a context Transformer of two layers or more, got layers={self.reader.layers}"
             )
 
     @property
-    def encoder(self) -> TransformerConfig:
-        """The Transformer as it is built."""
+    def encoder(self) -> SequenceEncoderConfig:
+        """The reader as it is built."""
         if not self.halved:
-            return self.transformer
-        sizes = {name: getattr(self.transformer, name) // 2 for name in ("layers", "width", "feed_forward")}
-        return replace(self.transformer, **sizes)
+            return self.reader
+        sizes = {name: getattr(self.reader, name) // 2 for name in ("layers", "width", "feed_forward")}
+        return replace(self.reader, **sizes)
 
 
 @struct.dataclass
@@ -166,18 +174,24 @@ def valid_in_windows(segment: Segment, reset: bool, after: bool) -> jax.Array:
 
 
 class ContextEncoder(nn.Module):
-    """Tokens (action, reward, embedded observation), a linear layer, and the same Transformer as the formula's."""
+    """Tokens (action, reward, embedded observation), a linear layer, and the same kind of reader as the formula's."""
 
     config: ContextConfig
     num_actions: int | None = None  # of discrete actions, which become unit vectors; None for continuous ones
 
     def setup(self) -> None:
         """Name the parts; parameters live under these names in checkpoints."""
-        flags, config = self.config.transformer, self.config.encoder
-        # T-Fixup's factors use the sizes before halving, as published.
-        init = t_fixup_embedding(flags.width, flags.layers) if flags.t_fixup else unit_norm()
+        flags, config = self.config.reader, self.config.encoder
+        init, layers = unit_norm(), None
+        if isinstance(flags, TransformerConfig) and flags.t_fixup:
+            # T-Fixup's factors use the sizes before halving, as published.
+            init, layers = t_fixup_embedding(flags.width, flags.layers), flags.layers
         self.token = nn.Dense(config.width, kernel_init=init)
-        self.encoder = TransformerEncoder(config, t_fixup_layers=flags.layers)
+        self.encoder = (
+            TransformerEncoder(config, t_fixup_layers=layers)
+            if isinstance(config, TransformerConfig)
+            else CONTEXT_READERS.maker(config)(config)
+        )
 
     def __call__(self, window: Window, embedding: jax.Array) -> jax.Array:
         """window of [..., K] slots, embedding [..., K, E] of what was seen in them -> [..., output].
@@ -219,7 +233,7 @@ class ContextEncoder(nn.Module):
         mask = valid | ~started
         code = self.encoder(x.reshape(-1, *x.shape[-2:]), mask.reshape(-1, mask.shape[-1]))
         code = code.reshape(*x.shape[:-2], config.output)
-        return jnp.where(started, code, 0.0) if config.masked else code
+        return code if config.reads_padding else jnp.where(started, code, 0.0)
 
 
 class RecurrentNetwork(nn.Module):
@@ -278,3 +292,7 @@ class RecurrentNetwork(nn.Module):
         if isinstance(carry, Window):
             return self.context_encoder(carry, seen)
         return self.context_encoder.segment(carry, seen, embedding if carry.seen is None else carry.seen, after)
+
+
+register_context_reader("transformer", TransformerConfig, TransformerEncoder)
+register_context_reader("gru", GRUConfig, GRUWindowReader)

@@ -1,4 +1,4 @@
-"""A recurrent network that reads the formula from left to right: the plainest reader of sequences, to compare with."""
+"""A recurrent network that reads from left to right: the plainest reader of formulas and windows, to compare with."""
 
 from dataclasses import dataclass
 
@@ -8,11 +8,11 @@ from flax import linen as nn
 
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.initializers import unit_norm
-from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.networks.task_encoder import SequenceEncoderConfig
 
 
 @dataclass(frozen=True)
-class GRUConfig(TaskEncoderConfig):
+class GRUConfig(SequenceEncoderConfig):
     """Sizes of the recurrent network."""
 
     width: int = 64
@@ -24,10 +24,20 @@ class GRUConfig(TaskEncoderConfig):
         if min(self.width, self.output) < 1:
             raise ValueError(f"sizes of the recurrent network must be at least 1, got {self}")
 
-    @property
-    def code_size(self) -> int:
-        """Numbers in the code of a task."""
-        return self.output
+
+def last_state(cell: nn.GRUCell, tokens: jax.Array, mask: jax.Array) -> jax.Array:
+    """The state after the last real token, [B, width]: tokens [B, L, width], mask bool[B, L] (True = a real token).
+
+    Over padding the state stands still, be it before or behind the tokens; of no token at all it is 0.
+    """
+
+    def step(cell: nn.GRUCell, state: jax.Array, token: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, tuple[()]]:
+        x, real = token
+        return jnp.where(real[:, None], cell(state, x)[0], state), ()
+
+    scan = nn.scan(step, variable_broadcast="params", split_rngs={"params": False}, in_axes=1)
+    state, _ = scan(cell, jnp.zeros((len(tokens), cell.features), tokens.dtype), (tokens, mask))
+    return state
 
 
 class GRUTaskEncoder(nn.Module):
@@ -42,7 +52,17 @@ class GRUTaskEncoder(nn.Module):
         embed = nn.Embed(
             table.vocabulary_size, config.width, embedding_init=nn.initializers.normal(1.0), name="word_embedding"
         )
-        # Padding is on the right, so the state after as many steps as there are tokens has seen no padding.
-        reader = nn.RNN(nn.GRUCell(config.width, name="cell"), return_carry=True)
-        state, _ = reader(embed(table.tokens), seq_lengths=table.mask.sum(axis=-1))
+        state = last_state(nn.GRUCell(config.width, name="cell"), embed(table.tokens), table.mask)
         return jnp.tanh(nn.Dense(config.output, kernel_init=unit_norm(), name="output")(state))
+
+
+class GRUWindowReader(nn.Module):
+    """The same over the tokens of a context window, oldest first."""
+
+    config: GRUConfig
+
+    @nn.compact
+    def __call__(self, x: jax.Array, mask: jax.Array) -> jax.Array:
+        """x [B, K, width], mask bool[B, K] (True = a step of the episode) -> [B, output] in (-1, 1)."""
+        state = last_state(nn.GRUCell(self.config.width, name="cell"), x, mask)
+        return jnp.tanh(nn.Dense(self.config.output, kernel_init=unit_norm(), name="output")(state))

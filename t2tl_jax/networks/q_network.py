@@ -3,7 +3,8 @@
 Simultaneous learning updates all rows of the table on every transition. With the task at the input, as published, that
 multiplies the whole network by the number of rows. Here the state passes a trunk that all rows share; then a row either
 modulates the last two layers ("film"), or the state becomes a matrix that maps codes of tasks to values ("bilinear",
-a universal value function of two streams, Schaul et al., 2015), which costs hardly more for 77 rows than for one.
+a universal value function of two streams, Schaul et al., 2015), which costs hardly more for 77 rows than for one. The
+published form is there to compare with ("concat").
 """
 
 from dataclasses import dataclass, field
@@ -34,15 +35,16 @@ class QNetworkConfig:
     state_layers: tuple[int, ...] = (512, 512)
     """Hidden sizes of the part that reads the state, shared by all tasks."""
     task_layer: int = 256
-    """Size of the layer in which state and task meet."""
-    head: Literal["film", "bilinear"] = "film"
-    """How they meet: the task scales and shifts the state's features before one more layer, or the state's features are
-    made into a matrix, and the values are its product with the task."""
+    """Size of the layer in which state and task meet; of the last hidden layer if they are concatenated."""
+    head: Literal["film", "bilinear", "concat"] = "film"
+    """How they meet: the task scales and shifts the state's features before one more layer; or the state's features are
+    made into a matrix, and the values are its product with the task; or, as in the paper, state and task stand side by
+    side before the first layer, so that every layer is computed for every task anew."""
     dueling: bool = True
     """Value and advantage apart (Wang et al., 2016), as in the reward-machine experiments."""
     context: ContextConfig | None = None
-    """The Transformer that reads the last steps of the episode (T2TL); its output joins the state's trunk behind the
-    first layer, which also embeds the observations of the window. None for a policy without memory."""
+    """The window of the last steps and who reads it (T2TL); its output joins the state's trunk behind the first layer,
+    which also embeds the observations of the window. None for a policy without memory."""
 
     def __post_init__(self) -> None:
         checks.sizes(self, "state_layers")
@@ -73,9 +75,15 @@ class QNetwork(RecurrentNetwork):
             small = nn.initializers.variance_scaling(1.0 / codes, "fan_in", "truncated_normal")
             self.matrix = nn.Dense(codes * values, kernel_init=small)
         else:
-            self.scale = nn.Dense(config.task_layer)
-            self.shift = nn.Dense(config.task_layer)
-            self.hidden = nn.Dense(config.task_layer, kernel_init=HE)
+            if config.head == "film":
+                self.scale = nn.Dense(config.task_layer)
+                self.shift = nn.Dense(config.task_layer)
+                self.hidden = nn.Dense(config.task_layer, kernel_init=HE)
+            else:
+                # One layer on the concatenation of state and code is the sum of one on each: the state's share, which
+                # is the same for all tasks, is computed once, and alone it embeds what a window has seen.
+                first = (*config.state_layers, config.task_layer)[0]
+                self.task_share = nn.Dense(first, use_bias=False, kernel_init=HE)
             self.advantage = nn.Dense(self.num_actions)
             self.state_value = nn.Dense(1)
 
@@ -99,11 +107,29 @@ class QNetwork(RecurrentNetwork):
 
         The same for all tasks, which see no window of their own but the one of the policy that acted.
         """
-        for i, layer in enumerate(self.state_encoder[:-1]):
-            obs = nn.relu(layer(obs))
-            if i == 0 and self.config.context is not None:
-                obs = jnp.concatenate([obs, self.context(carry)], axis=-1)
-        return self.state_encoder[-1](obs)
+        return self.deeper(self.state_encoder[0](obs), self.window_code(carry))
+
+    def window_code(self, carry: Carry) -> jax.Array | None:
+        """The context variable [..., output]; None without context."""
+        return None if self.config.context is None else self.context(carry)
+
+    def deeper(self, x: jax.Array, window: jax.Array | None) -> jax.Array:
+        """What the first layer gave, before its activation, and the context variable -> [..., task_layer]."""
+        for i, layer in enumerate(self.state_encoder[1:]):
+            x = nn.relu(x)
+            if i == 0 and window is not None:
+                x = jnp.concatenate([x, window], axis=-1)
+            x = layer(x)
+        return x
+
+    def concat(self, obs: jax.Array, task: jax.Array, carry: Carry) -> tuple[jax.Array, jax.Array]:
+        """obs [B, O], task [R, dim] for every state or [B, 1, dim], one each -> [B, R, actions], [B, R, 1]."""
+        x = self.state_encoder[0](obs)[:, None] + self.task_share(task)  # [B, R, first layer]
+        window = self.window_code(carry)
+        if window is not None:
+            window = jnp.broadcast_to(window[:, None], (*x.shape[:-1], window.shape[-1]))
+        x = nn.relu(self.deeper(x, window))
+        return self.advantage(x), self.state_value(x)
 
     def film(self, features: jax.Array, task: jax.Array) -> tuple[jax.Array, jax.Array]:
         """features [..., task_layer] and task [..., dim], broadcast against each other -> [..., actions], [..., 1]."""
@@ -133,6 +159,8 @@ class QNetwork(RecurrentNetwork):
 
     def every_row(self, obs: jax.Array, embedding: jax.Array, carry: Carry = ()) -> jax.Array:
         """Q of every row for each state: obs [B, O], embedding [rows, dim] -> [B, rows, actions]."""
+        if self.config.head == "concat":
+            return self.dueling(*self.concat(obs, embedding, carry))
         features = self.features(obs, carry)
         if self.config.head == "film":
             return self.dueling(*self.film(features[:, None, :], embedding[None, :, :]))
@@ -141,6 +169,8 @@ class QNetwork(RecurrentNetwork):
 
     def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, carry: Carry = ()) -> jax.Array:
         """Q of one row for each state: obs [B, O], embedding [rows, dim], row int32[B] -> [B, actions]."""
+        if self.config.head == "concat":
+            return self.dueling(*self.concat(obs, embedding[row][:, None], carry))[:, 0]
         features = self.features(obs, carry)
         if self.config.head == "film":
             return self.dueling(*self.film(features, embedding[row]))

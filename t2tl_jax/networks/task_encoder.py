@@ -35,6 +35,29 @@ class TaskEncoderConfig:
         return False
 
 
+@dataclass(frozen=True)
+class SequenceEncoderConfig(TaskEncoderConfig):
+    """Base class of those that read a sequence of vectors: a formula's tokens, or the tokens of a context window.
+
+    A subclass has fields `width` and `output`.
+    """
+
+    @property
+    def width(self) -> int:
+        """Size of a token's vector."""
+        raise NotImplementedError
+
+    @property
+    def output(self) -> int:
+        """Size of the code."""
+        raise NotImplementedError
+
+    @property
+    def code_size(self) -> int:
+        """Numbers in the code."""
+        return self.output
+
+
 class TaskEncoder(Protocol):
     """What the networks need of a representation of tasks."""
 

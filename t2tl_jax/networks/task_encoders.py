@@ -48,7 +48,8 @@ class OneHotConfig(TaskEncoderConfig):
 class OneHotTaskEncoder(nn.Module):
     """The state of the automaton as a unit vector (the DFA and reward-machine baselines); no parameters.
 
-    Rows 0 and 1, true and false, have no state left to tell: they are all zeros, as in the published one-hot codes.
+    Rows 0 and 1, true and false, have no state left to tell: they are all zeros. No network ever reads them, since an
+    episode ends there. A code that is wider than there are states ends in zeros.
     Size 1 is the published baseline DFA_1, one number for the state: row 2 + k, the k-th state in the table's order, is
     k + 1. That paper does not say from where it counts; from 1, true and false stay apart from the first state.
     """

@@ -13,7 +13,7 @@ import numpy as np
 from flax import linen as nn
 
 from t2tl_jax.networks.initializers import joint_qkv, t_fixup_embedding, t_fixup_scale, unit_norm
-from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.networks.task_encoder import SequenceEncoderConfig
 
 LAYER_NORM_EPSILON = 1e-5
 
@@ -27,7 +27,7 @@ An H100 gains 15 to 40 %.
 
 
 @dataclass(frozen=True)
-class TransformerConfig(TaskEncoderConfig):
+class TransformerConfig(SequenceEncoderConfig):
     """Sizes and switches of one Transformer encoder."""
 
     layers: int = 4
@@ -58,11 +58,6 @@ class TransformerConfig(TaskEncoderConfig):
             raise ValueError(f"sizes of a Transformer must be at least 1, got {self}")
         if self.heads < 1 or self.width % self.heads:
             raise ValueError(f"heads must divide width, got width={self.width} and heads={self.heads}")
-
-    @property
-    def code_size(self) -> int:
-        """Numbers in the code of a task."""
-        return self.output
 
     @property
     def reads_padding(self) -> bool:

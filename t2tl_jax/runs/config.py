@@ -3,7 +3,7 @@
 import math
 import os
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.constructors import PrimitiveConstructorSpec
 
@@ -116,6 +116,9 @@ class Config:
     pretrained: str = ""
     """Start with the task encoder (best parameters) of a pre-training run: its folder; or 'auto' to pre-train now on
     random formulas, 'auto:own' on this run's task, 'auto:TASK' on another task or family; '' starts fresh."""
+    pretraining_schedule: Literal["short", "published"] = "short"
+    """What an automatic pre-training is trained with: as soon as it has converged, 500,000 frames at most, or the two
+    million frames and the constants of the authors' code."""
     seeds: str = "1"
     """How many seeds (4 means 0, 1, 2, 3) or which (0,3,7; a single seed 7 is '7,'). All train in one program."""
     episode_length: Count = 1000

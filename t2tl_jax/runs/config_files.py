@@ -14,8 +14,8 @@ import cattrs
 from t2tl_jax.env import EnvConfig
 from t2tl_jax.errors import NotRegistered, UserError
 from t2tl_jax.names import nearest
-from t2tl_jax.networks.task_encoder import TaskEncoderConfig
-from t2tl_jax.registry import AGENTS, ENVS, TASK_ENCODERS, Registry
+from t2tl_jax.networks.task_encoder import SequenceEncoderConfig, TaskEncoderConfig
+from t2tl_jax.registry import AGENTS, CONTEXT_READERS, ENVS, TASK_ENCODERS, Registry
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.migration import VERSION, migrated
 from t2tl_jax.training.types import LearnerConfig
@@ -23,7 +23,12 @@ from t2tl_jax.training.types import LearnerConfig
 KIND = "kind"
 """Field of the JSON that says which of several dataclasses an object is."""
 
-REGISTRIES: dict[type, Registry] = {EnvConfig: ENVS, LearnerConfig: AGENTS, TaskEncoderConfig: TASK_ENCODERS}
+REGISTRIES: dict[type, Registry] = {
+    EnvConfig: ENVS,
+    LearnerConfig: AGENTS,
+    TaskEncoderConfig: TASK_ENCODERS,
+    SequenceEncoderConfig: CONTEXT_READERS,
+}
 """Where the kinds of a base class are registered."""
 
 

@@ -23,7 +23,19 @@ def migrated(data: Any) -> Any:
     version = data.pop("version", 1)
     if version not in (1, VERSION):
         raise ValueError(f"the configuration was stored by a newer version of t2tl_jax (format {version})")
-    return _from_first(data) if version == 1 else data
+    return _with_reader(_from_first(data) if version == 1 else data)
+
+
+def _with_reader(data: Any, path: tuple[str, ...] = ("learner", "network", "context")) -> Any:
+    """The context had a Transformer before it had a reader of some kind; `path` leads to it."""
+    if not isinstance(data, dict):
+        return data
+    if path:
+        name, *rest = path
+        return {**data, name: _with_reader(data[name], tuple(rest))} if name in data else data
+    reader = data.get("transformer")
+    others = {name: value for name, value in data.items() if name != "transformer"}
+    return {**others, "reader": {"kind": "transformer", **reader}} if isinstance(reader, dict) else data
 
 
 def _from_first(data: dict[str, Any]) -> dict[str, Any]:

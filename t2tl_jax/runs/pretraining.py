@@ -22,6 +22,7 @@ from t2tl_jax.runs.differences import differences
 from t2tl_jax.runs.experiment import Experiment, build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.metrics_file import ending
+from t2tl_jax.runs.pretraining_published import as_published
 from t2tl_jax.runs.pretraining_schedule import SCHEDULE
 from t2tl_jax.single_state import SingleStateConfig
 from t2tl_jax.training import transfer
@@ -62,6 +63,8 @@ def matching(config: Config, env: LabelledEnv) -> Config:
     An encoder that reads padding also gets as much of it, as far as `config` says how much.
     """
     base = SCHEDULE
+    if config.pretraining_schedule == "published":
+        base = as_published(base)
     _, _, named = config.pretrained.partition(":")
     task = config.task if named == OWN else named or base.task
     reader = config.learner.task_encoder

@@ -88,7 +88,7 @@ def trace(
         return jax.jit(jax.vmap(function, in_axes=over, spmd_axis_name=None if sharding is None else SEEDS), **options)
 
     axes = (0, OVER_SEEDS)
-    with nullcontext() if sharding is None else jax.set_mesh(sharding.mesh):
+    with nullcontext() if sharding is None else jax.set_mesh(sharding.mesh):  # type: ignore[arg-type]
         init = compiled(lambda key, env_params: _strongly_typed(agent.init(key, env_params)), axes)
         state = _shapes(jax.eval_shape(init, keys, env_params))
         lowered_iterate = compiled(agent.iterate, axes, donate_argnums=0).lower(state, env_params)

@@ -1,9 +1,11 @@
 """Sizes with which a learner solves the worlds of `tests/probe.py` within seconds."""
 
 from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 
 TRANSFORMER = TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8)
+GRU = GRUConfig(width=16, output=8)
 PPO = PPOConfig(
     num_envs=16,
     unroll_length=16,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from t2tl_jax.agents.dqn import DQNConfig, epsilon, make_dqn
-from t2tl_jax.agents.td_learning import Transition, dqn_loss, td_targets
+from t2tl_jax.agents.td_learning import Transition, code_change, dqn_loss, td_targets
 from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines, progress
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
@@ -133,8 +133,29 @@ def test_codes_of_all_encoders_are_of_the_same_length_to_the_bilinear_head(env):
         np.testing.assert_array_equal(codes[:, -1], 1.0)
 
 
+@pytest.mark.parametrize("state_layers", [(16, 8), ()])
+def test_the_concat_head_is_a_network_on_state_and_code_side_by_side(state_layers):
+    """Against one written out in NumPy whose first layer has the state's and the code's weights one below the other."""
+    network = QNetwork(dataclasses.replace(ONE_HOT, head="concat", state_layers=state_layers, dueling=False), 3)
+    rng = np.random.default_rng(0)
+    obs, codes = rng.normal(size=(5, 4)).astype(np.float32), rng.normal(size=(2, 16)).astype(np.float32)
+    params = jax.jit(partial(network.init, method="every_row"))(jax.random.key(0), obs, codes)
+    q = network.apply(params, obs, codes, method="every_row")
+
+    own = jax.tree.map(np.asarray, params["params"])
+    first = np.concatenate([own["state_encoder_0"]["kernel"], own["task_share"]["kernel"]])
+    assert first.shape == (4 + 16, (*state_layers, NETWORK.task_layer)[0])
+    for row in range(2):
+        x = np.concatenate([obs, np.repeat(codes[row : row + 1], 5, axis=0)], axis=1) @ first
+        x = np.maximum(x + own["state_encoder_0"]["bias"], 0)
+        for layer in range(1, len(state_layers) + 1):
+            part = own[f"state_encoder_{layer}"]
+            x = np.maximum(x @ part["kernel"] + part["bias"], 0)
+        np.testing.assert_allclose(q[:, row], x @ own["advantage"]["kernel"] + own["advantage"]["bias"], atol=1e-5)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("head", ["film", "bilinear"])
+@pytest.mark.parametrize("head", ["film", "bilinear", "concat"])
 def test_one_row_at_a_time_equals_every_row(env, head):
     network, obs = QNetwork(dataclasses.replace(NETWORK, head=head), 3), jax.random.normal(jax.random.key(0), (5, 3))
     params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(1), env.table, obs)
@@ -147,7 +168,9 @@ def test_one_row_at_a_time_equals_every_row(env, head):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("network", [NETWORK, dataclasses.replace(ONE_HOT, head="bilinear")])
+@pytest.mark.parametrize(
+    "network", [NETWORK, dataclasses.replace(ONE_HOT, head="bilinear"), dataclasses.replace(ONE_HOT, head="concat")]
+)
 def test_probe_is_solved(env, network):
     agent = make(env, network)
     given = env.make_params(0)
@@ -205,6 +228,44 @@ def test_a_frozen_encoder_stays_and_all_else_learns(env):
 
 
 @pytest.mark.slow
+def test_movement_is_measured_of_an_encoder_that_learns(env):
+    """By a step size of its own, which is far larger than that of the rest: 0."""
+    given = env.make_params(0)
+    agent = make(env, unroll_length=20, learning_starts=8, learning_rate=0.0, task_encoder_learning_rate=1e-2)
+    start = jax.jit(agent.init)(jax.random.key(0), given)
+    state, metrics = jax.jit(agent.iterate)(start, given)
+    assert min(metrics.scalars[name] for name in ("code_change", "code_change_relative", "target_lag")) > 1e-3
+    before, after = start.params["params"], state.params["params"]
+    for part in before:
+        leaves = zip(jax.tree.leaves(after[part]), jax.tree.leaves(before[part]), strict=True)
+        assert any((a != b).any() for a, b in leaves) == (part == "task_encoder"), part
+
+
+@pytest.mark.slow
+def test_episodes_start_over_all_of_psi(env):
+    agent = make_dqn(
+        TaskEnv(env.env, env.table, random_starts=1.0),
+        dataclasses.replace(DQN, network=ONE_HOT, unroll_length=25, learning_starts=10_000),
+        episode_length=5,
+        iterations=20,
+    )
+    given = env.make_params(0)
+    start = jax.jit(agent.init)(jax.random.key(0), given)
+    state, _ = jax.jit(agent.iterate)(start, given)
+    row = np.asarray(state.buffer.experience.row).reshape(-1)[: 25 * 8].reshape(25, 8)
+    ended = np.asarray(state.buffer.experience.cut).reshape(-1)[: 25 * 8].reshape(25, 8)
+    firsts = np.concatenate([row[0], row[1:][ended[:-1]]])  # behind a time limit begins a new episode
+    assert set(firsts) == set(np.flatnonzero(np.asarray(env.table.is_open))) and ended.any()
+
+
+def test_code_change_is_that_of_the_open_rows(env):
+    codes = np.ones((env.table.num_rows, 4), np.float32) * 2
+    moved = codes + np.where(np.asarray(env.table.is_open), 0.5, 100.0)[:, None]
+    change = code_change(env.table, moved, codes)
+    assert change["code_change"] == pytest.approx(0.5) and change["code_change_relative"] == pytest.approx(0.25)
+
+
+@pytest.mark.slow
 def test_replay_wraps_around_and_keeps_the_newest(env):
     agent = make(env, ONE_HOT, buffer_size=64, unroll_length=20, learning_starts=10_000)
     given = env.make_params(0)
@@ -240,6 +301,11 @@ def test_vmapped_seeds_equal_single_seeds(env):
         ({"epsilon_start": 2.0}, "epsilon_start must lie between 0 and 1"),
         ({"epsilon_end": math.nan}, "epsilon_end must lie between 0 and 1"),
         ({"max_gradient_norm": 0.0}, "max_gradient_norm must be a finite number above 0"),
+        ({"task_encoder_learning_rate": -1.0}, "task_encoder_learning_rate must be a finite number, 0 or more"),
+        (
+            {"task_encoder_learning_rate": 1e-5, "network": dataclasses.replace(NETWORK, freeze_task_encoder=True)},
+            "a frozen task encoder has no learning rate",
+        ),
         ({"learning_rate": -1e-4}, "learning_rate must be a finite number, 0 or more"),
     ],
 )

@@ -16,12 +16,12 @@ from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv
-from tests.agents.sizes import TRANSFORMER
+from tests.agents.sizes import GRU, TRANSFORMER
 from tests.probe import DiscreteCueEnv
 
 pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
 
-CONTEXT = ContextConfig(length=2, transformer=TRANSFORMER)
+CONTEXT = ContextConfig(length=2, reader=TRANSFORMER)
 NETWORK = QNetworkConfig(task_encoder=OneHotConfig(), state_layers=(16, 16), task_layer=16, context=CONTEXT)
 DQN = DQNConfig(
     network=NETWORK,
@@ -38,15 +38,20 @@ DQN = DQNConfig(
 EPISODE_LENGTH = 5
 
 
-@pytest.fixture(scope="module")
-def learner():
+def make(network):
     """Environment, agent, its first state, and one iteration compiled."""
     probe = DiscreteCueEnv()
     env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
-    agent = make_dqn(env, DQN, EPISODE_LENGTH, iterations=60)
+    agent = make_dqn(env, dataclasses.replace(DQN, network=network), EPISODE_LENGTH, iterations=60)
     given, iterate = env.make_params(0), jax.jit(agent.iterate)
     state = jax.jit(agent.init)(jax.random.key(0), given)
     return env, agent, state, lambda state: iterate(state, given)
+
+
+@pytest.fixture(scope="module")
+def learner():
+    """That of the Transformer, compiled once for all tests."""
+    return make(NETWORK)
 
 
 def test_replay_keeps_the_window_that_acted(learner):
@@ -104,8 +109,9 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
     assert loss(params, embedding, target_params, embedding, stored)[0] == pytest.approx(expected.mean(), rel=1e-4)
 
 
-def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner):
-    env, agent, state, iterate = learner
+@pytest.mark.parametrize("other", [{}, {"context": dataclasses.replace(CONTEXT, reader=GRU), "head": "concat"}])
+def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner, other):
+    env, agent, state, iterate = make(dataclasses.replace(NETWORK, **other)) if other else learner
     for _ in range(60):
         state, _ = iterate(state)
 

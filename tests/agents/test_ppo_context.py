@@ -23,7 +23,7 @@ from tests.probe import CueEnv
 
 pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
 
-CONTEXT = ContextConfig(length=2, transformer=sizes.TRANSFORMER)
+CONTEXT = ContextConfig(length=2, reader=sizes.TRANSFORMER)
 NETWORK = NetworkConfig(
     task_encoder=OneHotConfig(),
     env_layers=(16,),
@@ -85,6 +85,15 @@ def test_the_value_after_a_step_is_that_of_the_window_after_the_step(learner):
     goes_on = ~ended[:-1]
     np.testing.assert_allclose(next_value[:-1][goes_on], value[1:][goes_on], atol=1e-5)
     assert np.abs(next_value[:-1] - value[1:])[~goes_on].max() > 1e-3  # another episode's value is another
+
+
+def test_a_gru_reads_the_window_that_acted():
+    env, agent = make(reader=sizes.GRU, segment_length=4)
+    given = env.make_params(0)
+    state, iterate = jax.jit(agent.init)(jax.random.key(0), given), jax.jit(agent.iterate)
+    for _ in range(3):
+        state, metrics = iterate(state, given)
+        assert metrics.episodes.timeouts > 0 and abs(metrics.scalars["kl"]) < 1e-6
 
 
 @pytest.mark.parametrize("aligned", [True, False])

@@ -1,6 +1,7 @@
 """Segments of successive steps: windows, loss and gradients are those of samples that each bring their own window."""
 
 import dataclasses
+import itertools
 from functools import partial
 
 import chex
@@ -17,8 +18,9 @@ from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.training.types import repeated
 from tests.agents import sizes
 
+SWITCHES = ((True, False), (True, False))
 SEGMENTS, STEPS, WINDOW, OBSERVATION = 6, 5, 3, 4
-CONTEXT = ContextConfig(length=WINDOW, transformer=sizes.TRANSFORMER, segment_length=STEPS)
+CONTEXT = ContextConfig(length=WINDOW, reader=sizes.TRANSFORMER, segment_length=STEPS)
 NETWORK = NetworkConfig(task_encoder=OneHotConfig(), env_layers=(16,), actor_layers=(16,), critic_layers=(16,))
 
 
@@ -71,12 +73,15 @@ def test_windows_of_a_segment_are_those_that_acted(reset):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("masked", [True, False])
-@pytest.mark.parametrize("recompute", [True, False])
-@pytest.mark.parametrize("reset", [True, False])
-def test_loss_gradients_and_values_are_those_of_samples_with_their_own_windows(reset, recompute, masked):
-    transformer = dataclasses.replace(sizes.TRANSFORMER, masked=masked)
-    network, params = make_network(reset=reset, recompute=recompute, transformer=transformer)
+@pytest.mark.parametrize(
+    ("reader", "recompute", "reset"),
+    [
+        *itertools.product((sizes.TRANSFORMER, dataclasses.replace(sizes.TRANSFORMER, masked=False)), *SWITCHES),
+        *((sizes.GRU, recompute, recompute) for recompute in (True, False)),
+    ],
+)
+def test_loss_gradients_and_values_are_those_of_samples_with_their_own_windows(reader, recompute, reset):
+    network, params = make_network(reset=reset, recompute=recompute, reader=reader)
     obs, action, windows, after, segment = act(network, params)
     rng = np.random.default_rng(1)
     log_prob, value, advantage = (jnp.asarray(rng.normal(size=(SEGMENTS, STEPS)), jnp.float32) for _ in range(3))

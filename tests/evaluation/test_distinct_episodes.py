@@ -3,8 +3,8 @@
 import jax
 import numpy as np
 import pytest
-
 from envs.single_state import SingleState, SingleStateConfig
+
 from envs.waterworld import WaterWorld, WaterWorldConfig
 from envs.zones import ZoneConfig, ZoneEnv
 from t2tl_jax import Config, EnvConfig, PPOConfig, compile_tasks

@@ -70,6 +70,14 @@ def test_a_part_can_be_of_another_kind():
     read_otherwise = command_line.override(ZONE, flags)
     network = dataclasses.replace(ZONE.learner.network, task_encoder=GRUConfig(width=8))
     assert read_otherwise == dataclasses.replace(ZONE, learner=dataclasses.replace(ZONE.learner, network=network))
+    flags_of_reader = ["--learner.network.context.reader", "gru", "--learner.network.context.reader.width", "24"]
+    read_by_gru = command_line.override(ZONE, [*flags_of_reader, "--learner.task-encoder-learning-rate", "1e-5"])
+    assert read_by_gru.learner.network.context == ContextConfig(reader=GRUConfig(width=24))
+    assert read_by_gru.learner.task_encoder_learning_rate == 1e-5
+    assert config_files.from_json(config_files.to_json(read_by_gru), "test") == read_by_gru
+    assert command_line.override(read_by_gru, ["--learner.task-encoder-learning-rate", "None"]) == (
+        command_line.override(ZONE, flags_of_reader)
+    )
     # Flags may come in any order, and underscores count as hyphens.
     assert command_line.override(ZONE, [*flags[2:], "--learner.network.task_encoder=gru"]) == read_otherwise
     water = command_line.override(ZONE, ["--env", "waterworld", "--task", "phi_water", "--learner", "dqn"])

@@ -21,7 +21,7 @@ SWITCHES = (
 
 
 @pytest.mark.parametrize("name", list(methods.METHODS))
-@pytest.mark.parametrize("base", ["zone_ppo", "waterworld_dqn"])
+@pytest.mark.parametrize("base", ["zone_ppo", "waterworld_dqn", "waterworld_dqn_paper"])
 def test_a_method_changes_its_switches_only(base, name):
     before, method = named_config(base), methods.METHODS[name]
     after = methods.apply(before, name)
@@ -31,7 +31,7 @@ def test_a_method_changes_its_switches_only(base, name):
     assert all(change.partition("=")[0].startswith(SWITCHES) for change in differences(before, after))
     if isinstance(after.learner, DQNConfig):
         assert after.learner.counterfactual == method.counterfactual
-    assert (after.random_starts > 0) == (name == "rm" and base == "zone_ppo")
+    assert (after.random_starts > 0) == (name in ("rm", "rm_6") and base == "zone_ppo")
     if method.task_encoder is OneHotConfig:
         assert after.pretrained == "" and not network.freeze_task_encoder
     else:
@@ -44,6 +44,28 @@ def test_named_configurations_are_the_methods_they_say():
     published = named_config("zone_ppo_published")
     assert methods.apply(published, "t2tl") == published  # with its own context, not the default one
     assert methods.apply(named_config("waterworld_dqn"), "t2tl").learner.network.context == ContextConfig(length=12)
+
+
+def test_codes_have_the_published_sizes():
+    for name, size in (("dfa_number", 1), ("rm_6", 6), ("rm", 16), ("dfa", 16)):
+        assert methods.apply(named_config("waterworld_dqn"), name).learner.task_encoder.code_size == size
+
+
+@pytest.mark.parametrize("size", [8, 16, 32])
+@pytest.mark.parametrize(("method", "flag"), [("t1tl", "output"), ("gnn", "output"), ("rm", "size"), ("dfa", "size")])
+@pytest.mark.parametrize("base", ["zone_ppo", "waterworld_dqn"])
+def test_every_code_s_width_is_a_flag(base, method, flag, size):
+    flags = [f"--learner.network.task-encoder.{flag}", str(size)]
+    config, _ = command_line.configuration(command_line.read(["--config", base, "--method", method, *flags]), "", "run")
+    assert config.learner.task_encoder.code_size == size
+
+
+def test_the_paper_s_form_is_trained_on_and_concatenated():
+    default, paper = named_config("waterworld_dqn"), named_config("waterworld_dqn_paper")
+    assert paper.learner.network.head == "concat" and not paper.learner.freezes_task_encoder
+    assert paper.pretrained == "auto:own"
+    places = {change.partition("=")[0] for change in differences(default, paper)}
+    assert places == {"learner.network.head", "learner.network.freeze_task_encoder"}
 
 
 def test_pretraining_has_no_context():

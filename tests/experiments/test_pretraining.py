@@ -57,6 +57,23 @@ def command(tmp_path):
     return train
 
 
+def test_the_published_run_has_the_published_pretraining():
+    """The figures are those of the log and the configuration beside the authors' weights."""
+    config = named_config("zone_ppo_published")
+    before = pretraining.matching(config, make_env(config.env))
+    learner, encoder = before.learner, before.learner.task_encoder
+    assert (before.frames, before.iterations, before.episode_length) == (2_000_000, 245, 76)
+    assert (learner.num_envs, learner.unroll_length, learner.epochs, learner.minibatch_size) == (16, 512, 2, 1024)
+    assert (learner.discount, learner.gae_lambda, learner.learning_rate, learner.adam_epsilon) == (0.9, 0.5, 1e-3, 1e-8)
+    assert (learner.clip_eps, learner.entropy_coefficient, learner.value_coefficient) == (0.1, 0.01, 0.5)
+    assert learner.max_gradient_norm == 0.5 and before.convergence == ConvergenceConfig()
+    assert before.task == "phi_zone" and before.task_length == 25 and encoder == config.learner.task_encoder
+    named = named_config("pretrain_zone_published")
+    assert before == dataclasses.replace(named, run=before.run, seeds=config.seeds)
+    for name in ("zone_ppo", "zone_ppo_long", "waterworld_dqn"):
+        assert named_config(name).pretraining_schedule == "short"
+
+
 UNMASKED = {"task_encoder": TransformerConfig(masked=False)}
 """The Transformer reads padding as well."""
 

@@ -52,8 +52,8 @@ def reduced(name: str, method: str = ""):
     if isinstance(network.task_encoder, TransformerConfig):
         network = dataclasses.replace(network, task_encoder=dataclasses.replace(network.task_encoder, layers=1))
     if network.context is not None:
-        shallow = dataclasses.replace(network.context.transformer, layers=1 + network.context.halved)
-        context = dataclasses.replace(network.context, transformer=shallow, segment_length=1)
+        shallow = dataclasses.replace(network.context.reader, layers=1 + network.context.halved)
+        context = dataclasses.replace(network.context, reader=shallow, segment_length=1)
         network = dataclasses.replace(network, context=context)
     env = dataclasses.replace(config.env, pool_size=8) if hasattr(config.env, "pool_size") else config.env
     if network.context is not None and isinstance(env, ZoneConfig):
@@ -78,7 +78,10 @@ def iterate_once(config, seeds):
     return program.lowered_iterate.compile()(state, program.env_params)
 
 
-OTHER_NETWORKS = itertools.product(("zone_ppo_closed_form", "waterworld_dqn"), ("gnn", "dfa_cont"))
+OTHER_NETWORKS = (
+    *itertools.product(("zone_ppo_closed_form", "waterworld_dqn"), ("gnn", "dfa_cont")),
+    ("waterworld_dqn_paper", "t2tl"),
+)
 
 
 @pytest.mark.parametrize(("name", "method"), [*((name, "") for name in SHIPPED), *OTHER_NETWORKS])
@@ -196,6 +199,11 @@ def can_be_read(folder):
         np.testing.assert_allclose(np.sum(then["by_head"], axis=1), 1.0, atol=1e-5)
     # So short a run meets no reward, from which nothing is learned: its network is still the one it began with.
     np.testing.assert_allclose(read["attention_start"]["by_head"], read["attention_end"]["by_head"], atol=1e-5)
+    assert (folder / "attention_projections.png").stat().st_size > 10_000
+    with np.load(folder / "attention_projections.npz") as weights:  # the start is made anew, from the seed: exactly
+        assert weights["start"].shape == weights["end"].shape == (1, 8, 8, 64)
+        np.testing.assert_array_equal(weights["start"], weights["end"])
+        assert not weights["relative_change"].any()
     assert read["observations"] == 4 and read["observations_met_in_row"]
     assert min(read["removal_policy"]) >= 0 and max(read["removal_policy"]) > 0
 

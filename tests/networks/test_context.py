@@ -20,6 +20,7 @@ from t2tl_jax.networks.context import (
     empty_window,
     without_oldest,
 )
+from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.training.types import repeated
@@ -31,7 +32,7 @@ PUBLISHED = NetworkConfig(
     observation="raw",
     value_scale=1.0,
     context=ContextConfig(
-        transformer=dataclasses.replace(AS_PUBLISHED, layers=2),
+        reader=dataclasses.replace(AS_PUBLISHED, layers=2),
         reset=False,
         aligned=False,
         halved=True,
@@ -118,9 +119,11 @@ def test_windows_hold_the_last_steps_of_the_own_episode():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("published", [False, True])
-def test_empty_slots_never_matter_and_order_does_unless_as_published(published):
-    config = PUBLISHED.context if published else ContextConfig(length=8, transformer=SMALL)
+@pytest.mark.parametrize("name", ["transformer", "gru", "published"])
+def test_empty_slots_never_matter_and_order_does_unless_as_published(name):
+    published = name == "published"
+    reader = GRUConfig(width=16, output=8) if name == "gru" else SMALL
+    config = PUBLISHED.context if published else ContextConfig(length=8, reader=reader)
     params, code = coder(config)
     valid = np.arange(8) >= 5
     window, other = (random_window((2,), config, valid, seed) for seed in (0, 1))
@@ -142,7 +145,7 @@ def test_empty_slots_never_matter_and_order_does_unless_as_published(published):
 @pytest.mark.slow
 @pytest.mark.parametrize("recompute", [True, False])
 def test_gradient_reaches_the_environment_encoder_through_the_window_iff_recomputed(recompute):
-    context = ContextConfig(length=3, transformer=SMALL, recompute=recompute)
+    context = ContextConfig(length=3, reader=SMALL, recompute=recompute)
     config = NetworkConfig(task_encoder=OneHotConfig(), env_layers=(6,), context=context)
     network = ActorCritic(config, action_size=1)
     table = compile_tasks(["F a"], ("a",), "at_most_one")
@@ -161,6 +164,8 @@ def test_impossible_settings_are_refused():
     with pytest.raises(ValueError, match="got length=0"):
         ContextConfig(length=0)
     with pytest.raises(ValueError, match="got layers=1"):
-        ContextConfig(halved=True, transformer=SMALL)
+        ContextConfig(halved=True, reader=SMALL)
+    with pytest.raises(ValueError, match="got a reader of GRUConfig"):
+        ContextConfig(halved=True, reader=GRUConfig())
     with pytest.raises(ValueError, match="needs a window, got tuple"):
         ActorCritic(NetworkConfig(context=ContextConfig()), 2).apply({}, (), method="context")

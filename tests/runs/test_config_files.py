@@ -96,6 +96,18 @@ def test_every_choice_of_the_first_format_is_understood():
     assert stored == ContextConfig(length=4, segment_length=8)
 
 
+def test_the_context_had_a_transformer_before_it_had_a_reader():
+    data = json.loads(config_files.to_json(ZONE))
+    context = data["learner"]["network"]["context"]
+    context["transformer"] = {name: value for name, value in context.pop("reader").items() if name != "kind"}
+    context["transformer"]["layers"] = 3
+    read = config_files.from_json(json.dumps(data), "config.json").learner.network.context
+    assert read == ContextConfig(reader=dataclasses.replace(ContextConfig().reader, layers=3))
+    first = first_format()["network"] | {"context": {"transformer": {"width": 48}}}
+    read = config_files.from_json(json.dumps(first_format(network=first)), "config.json").learner.network.context
+    assert read.reader == TransformerConfig(width=48) and read.segment_length == 1
+
+
 def test_a_run_from_before_segments_goes_on_with_single_steps():
     context = {"length": 8, "aligned": False}  # which segments of several steps refuse
     network = first_format()["network"] | {"context": context}

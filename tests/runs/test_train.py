@@ -305,7 +305,7 @@ def test_until_solved_ends_a_solved_training(tmp_path):
 @pytest.fixture(scope="module")
 def remembering():
     """T2TL: a policy with a window of two steps."""
-    context = ContextConfig(length=2, transformer=TINY, segment_length=4)
+    context = ContextConfig(length=2, reader=TINY, segment_length=4)
     learner = dataclasses.replace(PPO, network=dataclasses.replace(NETWORK, task_encoder=TINY, context=context))
     return t2tl_jax.train(ProbeEnv(), TASK, learner, frames=1, episode_length=8)
 

@@ -1,0 +1,51 @@
+"""The optimiser: a step size of the task encoder's own changes its steps and no others."""
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from flax import struct
+
+from t2tl_jax.runs.checkpoints import Checkpoints
+from t2tl_jax.training.optimizer import clipped_adam
+
+PARAMS = {"params": {"task_encoder": {"w": np.ones(3, np.float32)}, "actor": {"w": np.ones(2, np.float32)}}}
+GRADIENTS = jax.tree.map(lambda x: 0.1 * np.arange(1, 1 + x.size, dtype=np.float32), PARAMS)
+
+
+def moved(own, anneal=False, steps=2):
+    """Parameters after some steps on the same gradients, by part, less what they were."""
+    optimizer = clipped_adam(1e-2, 0.2, gradient_steps=10, anneal=anneal, task_encoder_learning_rate=own)
+    params, state = PARAMS, optimizer.init(PARAMS)
+    for _ in range(steps):
+        updates, state = optimizer.update(GRADIENTS, state, params)
+        params = optax.apply_updates(params, updates)
+    return {name: part["w"] - 1 for name, part in params["params"].items()}, state
+
+
+def test_the_same_rate_changes_nothing_and_another_one_only_the_encoder():
+    for anneal in (False, True):
+        without, same, tenth = (moved(own, anneal)[0] for own in (None, 1e-2, 1e-3))
+        for part in without:
+            np.testing.assert_allclose(same[part], without[part], rtol=1e-6)
+        np.testing.assert_allclose(tenth["actor"], without["actor"], rtol=1e-6)
+        np.testing.assert_allclose(tenth["task_encoder"], without["task_encoder"] / 10, rtol=1e-4)
+
+
+@struct.dataclass
+class State:
+    params: dict
+    opt_state: optax.OptState
+    best_params: dict
+    best_score: jax.Array
+
+
+def test_a_checkpoint_holds_its_state(tmp_path):
+    """Its structure has places without arrays, which stay what they are."""
+    _, opt_state = moved(1e-3)
+    state = jax.tree.map(lambda x: jnp.asarray(x)[None], State(PARAMS, opt_state, PARAMS, np.zeros(())))
+    with Checkpoints(tmp_path) as checkpoints:
+        checkpoints.save(1, state, {})
+        _, restored = checkpoints.restore(state)
+    chex.assert_trees_all_equal(restored, state)
