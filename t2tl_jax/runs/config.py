@@ -3,13 +3,14 @@
 import math
 import os
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.constructors import PrimitiveConstructorSpec
 
 from t2tl_jax import checks
 from t2tl_jax.env import EnvConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig
+from t2tl_jax.task_env import Labels
 from t2tl_jax.training.types import LearnerConfig
 
 
@@ -98,6 +99,12 @@ class Config:
     """Pad formulas to this many tokens; 0 for as many as the longest one has."""
     pool: PoolConfig = field(default_factory=PoolConfig)
     """How the tasks of a family are drawn."""
+    progression: Literal["exact", "paper"] = "exact"
+    """How formulas go on: by the usual rules, or by the paper's definition 2 with its last case, which drops a satisfied
+    proposition and contradicts its theorem 1; it changes phi_zone_prime only, of the paper's tasks."""
+    labels: Labels = "next"
+    """Which labels a step reads: those of the state it leads to, or those of the state it leaves, as printed. The
+    initial labels then count, and every verdict comes one step later."""
     random_starts: float = 0.0
     """Share of training episodes that start at a random sub-task of the formula (the on-policy form of the paper's
     simultaneous learning); evaluation never does."""
