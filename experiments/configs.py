@@ -120,6 +120,11 @@ _RM_WATER = Config(
     episode_length=waterworld.EPISODE_LENGTH,
 )
 
+# With targets of 32 samples instead of 32 x 77, the learning rate of crm is too large.
+_RM_QL = replace(
+    _RM_WATER, learner=replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)
+)
+
 # The network sees nothing but the encoded task, through one linear layer, so that the encoder has to do the work.
 PRETRAINING = Config(
     env=SingleStateConfig(),
@@ -157,6 +162,11 @@ register_config(
     "zone_ppo with the long schedule: ten million frames in 2,048 environments, after random formulas",
 )
 register_config(
+    "zone_ppo_safe",
+    replace(ZONE, task="phi_safe"),
+    "zone_ppo on phi_safe, the paper's running example: Black, then White, and neither Red nor Yellow before",
+)
+register_config(
     "zone_ppo_published",
     ZONE_PUBLISHED,
     "the same with the schedule and every choice of the published code: 16 environments x 4,096 steps",
@@ -179,9 +189,18 @@ register_config(
 )
 register_config(
     "rm_water_ql",
-    # With targets of 32 samples instead of 32 x 77, the learning rate of crm is too large.
-    replace(_RM_WATER, learner=replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)),
+    _RM_QL,
     "the same, but every step teaches only the machine's own state (ql)",
+)
+register_config(
+    "rm_water_crm_shaped",
+    replace(_RM_WATER, learner=replace(_RM_WATER.learner, shaping=True)),
+    "rm_water_crm, learning from rewards shaped by a potential of the machines' states; what is reported is not",
+)
+register_config(
+    "rm_water_ql_shaped",
+    replace(_RM_QL, learner=replace(_RM_QL.learner, shaping=True)),
+    "rm_water_ql with the same shaping",
 )
 register_config(
     "rm_water_parallel",

@@ -19,6 +19,7 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
+from t2tl_jax.agents.shaping import potential
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry, without_newest, without_oldest
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
@@ -77,6 +78,9 @@ class DQNConfig(LearnerConfig):
     """Choose the next action for the old formula, as the paper prints, instead of for the progressed one."""
     timeout_is_terminal: bool = False
     """Treat the time limit as an end of the task instead of bootstrapping."""
+    shaping: bool = False
+    """Learn from rewards shaped by a potential of the table's rows (Toro Icarte et al., 2022), which changes no best
+    policy; see `agents/shaping.py`. What is reported stays unshaped."""
 
     def __post_init__(self) -> None:
         checks.counts(self, "num_envs", "unroll_length", "updates_per_step", "batch_size", "buffer_size")
@@ -90,6 +94,8 @@ class DQNConfig(LearnerConfig):
                 f"buffer_size must hold at least one batch and one step of all environments, got "
                 f"buffer_size={self.buffer_size}, batch_size={self.batch_size}, num_envs={self.num_envs}"
             )
+        if self.shaping and self.discount >= 1.0:
+            raise ValueError(f"shaping needs discount below 1, or values may have no bound, got {self.discount}")
         if not 0.0 < self.epsilon_fraction <= 1.0:
             raise ValueError(f"epsilon_fraction is a share of the run above 0, got {self.epsilon_fraction}")
 
@@ -154,37 +160,50 @@ def epsilon(config: DQNConfig, progress: jax.Array) -> jax.Array:
 def td_target(
     config: DQNConfig,
     table: TaskTable,
+    row: jax.Array,
     next_row: jax.Array,
     reward: jax.Array,
     chooser: jax.Array,
     target: jax.Array,
     shared: Shared,
     cut: jax.Array,
+    phi: jax.Array | None = None,
 ) -> jax.Array:
     """What Q should be, float32[B, R], for R rows of every transition.
 
-    next_row, reward: where each row's formula goes and what that pays, [B, R]; chooser, target: Q at s' that choose the
-    action and value it, float32[B, R, actions]; shared [B]; cut: bool[B].
+    row: the rows, int32[B, R] or [R]; next_row, reward: where each row's formula goes and what that pays, [B, R];
+    chooser, target: Q at s' that choose the action and value it, float32[B, R, actions]; shared [B]; cut: bool[B]; phi:
+    the rows' potential float32[rows] that shapes the reward, or None. What ends has the potential 0, whatever ends it.
     """
     value = jnp.take_along_axis(target, chooser.argmax(axis=-1, keepdims=True), axis=-1)[..., 0]
     ended = (table.verdict[next_row] != 0) | shared.ended[:, None]
     if config.timeout_is_terminal:
         ended = ended | cut[:, None]
+    if phi is not None:
+        value, reward = value + phi[next_row], reward - phi[row]
     return shared.reward[:, None] + reward + config.discount * jnp.where(ended, 0.0, value)
 
 
 def td_targets(
-    config: DQNConfig, table: TaskTable, online: jax.Array, target: jax.Array, shared: Shared, cut: jax.Array
+    config: DQNConfig,
+    table: TaskTable,
+    online: jax.Array,
+    target: jax.Array,
+    shared: Shared,
+    cut: jax.Array,
+    phi: jax.Array | None = None,
 ) -> jax.Array:
     """What Q should be in every row for every transition, float32[B, rows].
 
-    online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; shared [B]; cut bool[B].
+    online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; shared [B]; cut bool[B]; phi as
+    for `td_target`.
     """
     next_row, reward = (x.T for x in table.step_all(shared.letter))  # [B, rows]
     at_next = partial(jnp.take_along_axis, indices=next_row[..., None], axis=1)  # [B, rows, A], row u reads row u'
     chooser = online if config.double else target
     chooser = chooser if config.printed_argmax else at_next(chooser)
-    return td_target(config, table, next_row, reward, chooser, at_next(target), shared, cut)
+    row = jnp.arange(table.num_rows)
+    return td_target(config, table, row, next_row, reward, chooser, at_next(target), shared, cut, phi)
 
 
 def dqn_loss(
@@ -196,10 +215,12 @@ def dqn_loss(
     target_params: Params,
     target_embedding: jax.Array,
     batch: Transition,
+    phi: jax.Array | None = None,
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
     """Huber loss of the TD errors, averaged over transitions and over the rows that learn: the open ones, or the own.
 
-    `embedding` is what `params` make of the table's rows, float32[rows, dim], `target_embedding` likewise.
+    `embedding` is what `params` make of the table's rows, float32[rows, dim], `target_embedding` likewise; `phi`
+    as for `td_target`.
     """
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
     before, after = without_newest(batch.steps), without_oldest(batch.steps)  # the windows at s and at s'
@@ -209,7 +230,7 @@ def dqn_loss(
         both = apply(params, states, embedding, windows, method="every_row")
         q, online = jnp.split(both, 2)  # [B, rows, A]
         target = apply(target_params, batch.next_obs, target_embedding, after, method="every_row")
-        goal = td_targets(config, table, online, target, batch.shared, batch.cut)
+        goal = td_targets(config, table, online, target, batch.shared, batch.cut, phi)
         learns = jnp.broadcast_to(table.is_open, goal.shape)
     else:
         next_row, reward = table.step(batch.row, batch.shared.letter)  # [B]
@@ -221,7 +242,8 @@ def dqn_loss(
             chooser = apply(which, batch.next_obs, coded, row, after)[:, None]
         else:
             chooser = target
-        goal = td_target(config, table, next_row[:, None], reward[:, None], chooser, target, batch.shared, batch.cut)
+        row, next_row, reward = (x[:, None] for x in (batch.row, next_row, reward))
+        goal = td_target(config, table, row, next_row, reward, chooser, target, batch.shared, batch.cut, phi)
         learns = jnp.ones_like(goal, bool)
 
     taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows] or [B, 1]
@@ -364,6 +386,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         table: TaskTable,
         embedding: jax.Array,
         pullback: Callable,
+        phi: jax.Array | None,
         ready: jax.Array,
         key: jax.Array,
     ) -> tuple[DQNState, dict[str, jax.Array]]:
@@ -377,7 +400,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
 
         def loss(params: Params, embedding: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
             target = state.target_params, state.target_embedding
-            return dqn_loss(config, network, table, params, embedding, *target, batch)
+            return dqn_loss(config, network, table, params, embedding, *target, batch, phi)
 
         (direct, by_embedding), scalars = jax.grad(loss, argnums=(0, 1), has_aux=True)(state.params, embedding)
         gradient = optax.tree.add(direct, pullback(by_embedding)[0])
@@ -393,6 +416,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         key, scan_key = jax.random.split(state.key)
         first = state.iteration * config.unroll_length
         fixed = embed(state.params, table) if config.network.freeze_task_encoder else None
+        phi = potential(table, config.discount) if config.shaping else None
 
         def one_step(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
             step, key = inputs
@@ -408,7 +432,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             for i, update_key in enumerate(update_keys):
                 if i > 0:
                     state, embedding, pullback = encode(state, table, fixed, count + i)
-                state, scalars = update(state, table, embedding, pullback, ready, update_key)
+                state, scalars = update(state, table, embedding, pullback, phi, ready, update_key)
             kept = done.totals, done.state.metrics, (done.task, done.total / done.elapsed)
             return state, (kept, scalars)
 
