@@ -24,7 +24,7 @@ class Arguments:
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of the runs; the first one is what the others are compared with."""
     last: float = 0.05
-    """Share of the iterations, at the end, over which success and return are averaged."""
+    """Share of the iterations, at the end, over which success, violation and return are averaged."""
     pairs: bool = False
     """Also test every two runs for a difference of their discounted returns."""
     figure: Path | None = None
@@ -58,7 +58,7 @@ def _main(texts: list[str]) -> int:
     curves: dict[str, Mapping[str, np.ndarray]] = {}
     returns_of: dict[str, np.ndarray] = {}
     notes = []
-    print(f"{'frames/s':>11}  {'solved':>7}  {'discounted return':21}  configuration")
+    print(f"{'frames/s':>11}  {'solved':>7}  {'discounted return':21}  {'violation':20}  configuration")
     for path in runs:
         folder, config = run_folder.open_existing(path)
         base = base or config
@@ -108,7 +108,8 @@ def _line(speed: float | None, end: Mapping[str, np.ndarray], what: str) -> str:
     solving = int((end["success_rate"][known] > SOLVED).sum())
     solved = f"{solving}/{known.sum()}" if known.any() else "-"
     returns = statistics.mean(end["discounted_return"][known]).text()
-    return f"{'-' if not speed else f'{speed:,.0f}':>11}  {solved:>7}  {returns:21}  {what}"
+    violations = statistics.mean(end["violation_rate"][known], 0.0, 1.0).text()
+    return f"{'-' if not speed else f'{speed:,.0f}':>11}  {solved:>7}  {returns:21}  {violations:20}  {what}"
 
 
 def _test_pairs(returns_of: dict[str, np.ndarray]) -> None:

@@ -121,9 +121,7 @@ _RM_WATER = Config(
 )
 
 # With targets of 32 samples instead of 32 x 77, the learning rate of crm is too large.
-_RM_QL = replace(
-    _RM_WATER, learner=replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)
-)
+_RM_QL_DQN = replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)
 
 # The network sees nothing but the encoded task, through one linear layer, so that the encoder has to do the work.
 PRETRAINING = Config(
@@ -189,17 +187,17 @@ register_config(
 )
 register_config(
     "rm_water_ql",
-    _RM_QL,
+    replace(_RM_WATER, learner=_RM_QL_DQN),
     "the same, but every step teaches only the machine's own state (ql)",
 )
 register_config(
     "rm_water_crm_shaped",
-    replace(_RM_WATER, learner=replace(_RM_WATER.learner, shaping=True)),
+    replace(_RM_WATER, learner=replace(_RM_DQN, shaping=True)),
     "rm_water_crm, learning from rewards shaped by a potential of the machines' states; what is reported is not",
 )
 register_config(
     "rm_water_ql_shaped",
-    replace(_RM_QL, learner=replace(_RM_QL.learner, shaping=True)),
+    replace(_RM_WATER, learner=replace(_RM_QL_DQN, shaping=True)),
     "rm_water_ql with the same shaping",
 )
 register_config(

@@ -17,7 +17,6 @@ from flax import struct
 from t2tl_jax.env import EnvParams, LabelledEnv
 from t2tl_jax.ltl import TaskTable
 
-
 Labels = Literal["next", "state"]
 """Which state's labels a step reads: those of s', or those of s as the paper prints."""
 
@@ -60,9 +59,7 @@ class TaskEnv(Env):
     initial labels are not used. "state" as L(s_0), L(s_1), ..., as printed; a step then pays for the state it left.
     """
 
-    def __init__(
-        self, env: LabelledEnv, table: TaskTable, random_starts: float = 0.0, labels: Labels = "next"
-    ) -> None:
+    def __init__(self, env: LabelledEnv, table: TaskTable, random_starts: float = 0.0, labels: Labels = "next") -> None:
         """Combine `env` with tasks; `table` is part of the parameters, and the default for calls without them.
 
         Raises:

@@ -100,8 +100,8 @@ class Config:
     pool: PoolConfig = field(default_factory=PoolConfig)
     """How the tasks of a family are drawn."""
     progression: Literal["exact", "paper"] = "exact"
-    """How formulas go on: by the usual rules, or by the paper's definition 2 with its last case, which drops a satisfied
-    proposition and contradicts its theorem 1; it changes phi_zone_prime only, of the paper's tasks."""
+    """How formulas go on: by the usual rules, or by the paper's definition 2 with its last case, which drops a
+    satisfied proposition and contradicts theorem 1; of the paper's tasks it changes phi_zone_prime only."""
     labels: Labels = "next"
     """Which labels a step reads: those of the state it leads to, or those of the state it leaves, as printed. The
     initial labels then count, and every verdict comes one step later."""

@@ -69,7 +69,7 @@ def test_what_ends_has_the_potential_0(machine, over, cut, timeout_is_terminal):
 
 @pytest.mark.parametrize("task", ["formula", "machine"])
 def test_best_actions_of_a_small_mdp_stay_the_best(task, machine):
-    """Value iteration with the learner's own targets on a ring of cells: Q moves by -Phi(u), the same for all actions."""
+    """Value iteration with the learner's own targets on a ring of cells: Q moves by -Phi(u), whatever the action."""
     table = compile_tasks("!c U (a & (!c U b))", LETTERS) if task == "formula" else machine
     labels = ["", "d", "", "b", "e", "a", "", "f", "c"]
     cells, actions = len(labels), 3

@@ -1,4 +1,4 @@
-"""The last case of the paper's definition 2, which drops a satisfied proposition: what it changes, and what it breaks."""
+"""The last case of the paper's definition 2, which drops a satisfied proposition: what changes and what breaks."""
 
 import numpy as np
 import pytest
@@ -29,9 +29,7 @@ def verdicts(table, word):
 @pytest.mark.parametrize("alphabet", ["at_most_one", "every_subset"])
 def test_a_satisfied_proposition_is_dropped_with_its_until(alphabet):
     """Of the 9 tokens of `phi_zone_prime` 4 are left; the usual rules keep the whole task as a second chance."""
-    tables = [
-        compile_named("phi_zone_prime", ZONE_PROPOSITIONS, alphabet, progression=p) for p in ("exact", "paper")
-    ]
+    tables = [compile_named("phi_zone_prime", ZONE_PROPOSITIONS, alphabet, progression=p) for p in ("exact", "paper")]
     assert [np.asarray(table.mask).sum(axis=1).tolist() for table in tables] == [[1, 1, 9, 14, 4], [1, 1, 9, 4]]
     assert tables[1].text(3) == "!Yellow U White"
     rest = [str(progress(named_task("phi_zone_prime"), {"Black"}, p)) for p in ("exact", "paper")]
