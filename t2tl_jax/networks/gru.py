@@ -42,7 +42,9 @@ class GRUTaskEncoder(nn.Module):
         embed = nn.Embed(
             table.vocabulary_size, config.width, embedding_init=nn.initializers.normal(1.0), name="word_embedding"
         )
-        # Padding is on the right, so the state after as many steps as there are tokens has seen no padding.
+        # Real tokens come first, so the state after as many steps as there are of them has seen no other.
+        order = jnp.argsort(~table.mask, axis=-1, stable=True)
+        tokens = jnp.take_along_axis(table.tokens, order, axis=-1)
         reader = nn.RNN(nn.GRUCell(config.width, name="cell"), return_carry=True)
-        state, _ = reader(embed(table.tokens), seq_lengths=table.mask.sum(axis=-1))
+        state, _ = reader(embed(tokens), seq_lengths=table.mask.sum(axis=-1))
         return jnp.tanh(nn.Dense(config.output, kernel_init=unit_norm(), name="output")(state))
