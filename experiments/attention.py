@@ -1,9 +1,8 @@
 """Read a trained agent: ``python -m experiments.attention RUN``; which words of its task it attends to and needs."""
 
-import dataclasses
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,8 +18,9 @@ from t2tl_jax.quiet import quiet_imports
 @dataclass(frozen=True)
 class Arguments:
     """Draw the attention that every token of a formula receives at the start and at the end of training, and what the
-    decisions lose without it; store the numbers beside the picture, and print them. A second picture shows the
-    out-projection weights of the attention layers at both times, and their change."""  # fmt: skip
+    decisions lose without it; store the numbers beside the picture, and print them. An encoder without attention is
+    read by the latter alone. A second picture shows the out-projection weights of the attention layers at both times,
+    and their change."""  # fmt: skip
 
     run: tyro.conf.Positional[Path]
     """Folder of the run."""
@@ -30,6 +30,9 @@ class Arguments:
     """A sub-task instead of the whole task: its row in the table that python -m t2tl_jax.ltl shows."""
     seed: int | None = None
     """Which of the run's seeds; the first one by default."""
+    all_seeds: bool = False
+    """Also read every seed at the start and at the end of training, in every sub-task: token*, the token that the
+    policy needs, whether they agree, and what is entered first; as a table (.csv) and summed up (.json)."""
     checkpoint: Literal["best", "latest"] = "best"
     """The parameters with the highest discounted return in training, or the latest ones."""
     layers: tuple[int, ...] = ()
@@ -39,8 +42,7 @@ class Arguments:
     episodes: int = 256
     """Episodes that are played to meet observations, of each of which one is used."""
     output: Path | None = None
-    """Picture to write, attention.png in the run by default; the numbers go beside it as .json, the out-projection
-    weights as _projections.png and .npz."""
+    """Picture to write, attention.png in the run by default; the numbers go beside it as .json."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -65,24 +67,23 @@ def _main(texts: list[str]) -> int:
 
 def _read(arguments: Arguments) -> None:
     with quiet_imports():
-        import jax
-
         import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.cli import compilation_cache
         from t2tl_jax.agents.ppo import PPOConfig
-        from t2tl_jax.evaluation import attention as reading
         from t2tl_jax.evaluation.attention_figure import plot_attention
-        from t2tl_jax.networks.task_encoders import TransformerTaskEncoder
-        from t2tl_jax.networks.transformer import TransformerConfig
+        from t2tl_jax.evaluation.attention_seeds import Reader
+        from t2tl_jax.ltl.tokens import token_names
+        from t2tl_jax.networks.task_encoders import make_task_encoder
         from t2tl_jax.runs import folder as run_folder
         from t2tl_jax.runs import train
         from t2tl_jax.runs.policy import seed_slice
-        from t2tl_jax.training.seeds import EVALUATION, TRAINING, stream_keys
+        from t2tl_jax.runs.start import start_params
+        from t2tl_jax.training.seeds import EVALUATION, stream_keys
 
     folder, config = run_folder.open_existing(arguments.run)
-    reader = config.learner.task_encoder
-    if not isinstance(reader, TransformerConfig):
-        raise UserError(_no_attention(reader))
+    kind = config.learner.task_encoder
+    if kind is None or not kind.learned:
+        raise UserError(_no_tokens(kind))
     compilation_cache.use(config.run.compilation_cache)
     changes: dict[str, Any] = {} if arguments.task is None else {"task": arguments.task}
     result = train.load(arguments.run, checkpoint=arguments.checkpoint, **changes)
@@ -92,31 +93,32 @@ def _read(arguments: Arguments) -> None:
         raise UserError(
             f"{config.task} is a family of random tasks: choose the one to read, such as --task 'F(a & F b)'"
         )
-    agent, table = experiment.agent, experiment.table
+    table = experiment.table
     row = _row(arguments.row, table)
     env_params = experiment.env_params(training=False)
-    env_params = dataclasses.replace(env_params, env=seed_slice(env_params.env, index))
+    env_params_of = [replace(env_params, env=seed_slice(env_params.env, k)) for k in range(len(result.seeds))]
 
-    end = seed_slice(result.params, index)
-    begin = jax.jit(lambda key: agent.init(key, env_params).params)(stream_keys([seed], TRAINING)[0])
-    origin, start = _start(folder, config, seed, begin)
-    encoder = TransformerTaskEncoder(reader)
-
-    def received(params: Any) -> reading.Attention:
-        own = params["params"]["task_encoder"]
-        return reading.attention_received(encoder, own, table, row, arguments.layers or None, arguments.queries)
-
-    before, after = received(start), received(end)
-    key = stream_keys([seed], EVALUATION)[0]
-    play = jax.jit(reading.meet, static_argnums=(0, 1, 5, 6, 7))
-    met = play(experiment.task_env, agent, end, env_params, key, row, arguments.episodes, config.episode_length)
-    codes = reading.codes_without_tokens(encoder, end["params"]["task_encoder"], table, row)
-    removal = reading.removal_effects(agent, end, codes, met)
+    end = result.params
+    begun = start_params(result)
+    if begun.problem:
+        print(f"note: the start is drawn for a new network, since its pre-trained encoder is missing: {begun.problem}")
+    reader = Reader(
+        experiment.task_env,
+        experiment.agent,
+        make_task_encoder(kind),
+        arguments.episodes,
+        config.episode_length,
+        arguments.layers or None,
+        arguments.queries,
+    )
+    before, after = (reader.attention(seed_slice(params, index), row) for params in (begun.params, end))
+    keys = stream_keys(result.seeds, EVALUATION)
+    removal = reader.removal(seed_slice(end, index), env_params_of[index], keys[index], row)
 
     continuous = isinstance(config.learner, PPOConfig)
     unit = "KL divergence (nats)" if continuous else "share of greedy actions that change"
     stages = {
-        "start": f"start of training ({origin})",
+        "start": f"start of training ({begun.origin})",
         "end": f"{arguments.checkpoint}, iteration {result.iteration:,}",
     }
     what = {
@@ -133,13 +135,22 @@ def _read(arguments: Arguments) -> None:
         "observations": removal.observations,
         "observations_met_in_row": removal.met,
     }
-    print(_table(before, after, removal, unit))
+    tokens = token_names(table.tokens[row][table.mask[row]].tolist(), table.propositions)
+    print(_table(tokens, before, after, removal, unit))
     target = arguments.output or folder.path / "attention.png"
     title = f"{table.text(row)} ({folder.path}, seed {seed})"
-    plot_attention(target, title, (stages["start"], before), (stages["end"], after), removal, unit)
-    run_folder.write_json(target.with_suffix(".json"), what | _numbers(before, after, removal))
-    print(f"drawn: {target}\nstored: {target.with_suffix('.json')}")
-    _draw_projections(target, title, (stages["start"], start), (stages["end"], end))
+    drawn = [(stages[name], one) for name, one in (("start", before), ("end", after)) if one is not None]
+    plot_attention(target, title, tokens, drawn, removal, unit)
+    numbers = what | _numbers(tokens, before, after, removal)
+    print(f"drawn: {target}")
+    if before is not None:
+        start = seed_slice(begun.params, index)
+        _draw_projections(target, title, (stages["start"], start), (stages["end"], seed_slice(end, index)))
+    if arguments.all_seeds:
+        stages_of_params = {"start": begun.params, "end": end}
+        numbers["over_seeds"] = _all_seeds(reader, result.seeds, stages_of_params, env_params_of, keys, row, target)
+    run_folder.write_json(target.with_suffix(".json"), numbers)
+    print(f"stored: {target.with_suffix('.json')}")
 
 
 def _draw_projections(target: Path, title: str, start: tuple[str, Any], end: tuple[str, Any]) -> None:
@@ -159,35 +170,41 @@ def _draw_projections(target: Path, title: str, start: tuple[str, Any], end: tup
     print(f"drawn: {picture}\nstored: {picture.with_suffix('.npz')}")
 
 
-def _start(folder: Any, config: Any, seed: int, fresh: Any) -> tuple[str, Any]:
-    """What training began with, in words, and its parameters: `fresh` ones, with the pre-trained encoder if any."""
-    import jax
+def _all_seeds(
+    reader: Any,
+    seeds: Sequence[int],
+    stages: Mapping[str, Any],
+    env_params: Sequence[Any],
+    keys: Any,
+    row: int,
+    target: Path,
+) -> dict[str, Any]:
+    """Read every seed at both stages in every sub-task, print the table, store it as CSV, and return the summary."""
+    from t2tl_jax.evaluation import attention_seeds
+    from t2tl_jax.runs.policy import seed_slice
 
-    from t2tl_jax.runs import pretraining, train
-    from t2tl_jax.training import transfer
+    table = reader.env.table
+    rows = [row, *(other for other in range(2, table.num_rows) if other != row)]
+    readings = [
+        found
+        for stage, params in stages.items()
+        for k, seed in enumerate(seeds)
+        for found in reader.read(seed, stage, seed_slice(params, k), env_params[k], keys[k], rows)
+    ]
+    print(attention_seeds.table(readings))
+    attention_seeds.write_csv(target.with_suffix(".csv"), readings)
+    print(f"stored: {target.with_suffix('.csv')}")
+    return attention_seeds.summarise(readings)
 
-    if not config.pretrained:
-        return "new network", fresh
-    try:
-        first = train.load(folder.path / pretraining.FOLDER if pretraining.is_auto(config) else config.pretrained)
-        encoder = transfer.task_encoder(first.params, transfer.seed_index(first.seeds, (seed,)))
-    except UserError as error:
-        print(f"note: the start is drawn for a new network, since its pre-trained encoder cannot be read: {error}")
-        return "new network, before the pre-trained encoder", fresh
-    own = jax.tree.map(lambda x: jax.numpy.asarray(x[0]), encoder)
-    return "pre-trained encoder", {**fresh, "params": {**fresh["params"], transfer.PART: own}}
 
-
-def _no_attention(reader: Any) -> str:
-    from t2tl_jax.networks.transformer import TransformerConfig
+def _no_tokens(kind: Any) -> str:
     from t2tl_jax.registry import configs
 
-    able = [
-        name for name, (config, _) in configs().items() if isinstance(config.learner.task_encoder, TransformerConfig)
-    ]
+    readers = {name: config.learner.task_encoder for name, (config, _) in configs().items()}
+    able = [name for name, reader in readers.items() if reader is not None and reader.learned]
     return (
-        f"this run reads its task with a {type(reader).__name__}, which has no attention; the Transformer has. "
-        f"Configurations with it: {', '.join(able)}"
+        f"this run encodes its task by {type(kind).__name__}, which reads no tokens, so there is nothing to attend "
+        f"to or to take away. Configurations that read formulas: {', '.join(able)}"
     )
 
 
@@ -205,8 +222,10 @@ def _row(asked: int | None, table: Any) -> int:
     return asked
 
 
-def _numbers(before: Any, after: Any, removal: Any) -> dict[str, Any]:
-    def one(attention: Any) -> dict[str, Any]:
+def _numbers(tokens: Sequence[str], before: Any, after: Any, removal: Any) -> dict[str, Any]:
+    def one(attention: Any) -> dict[str, Any] | None:
+        if attention is None:
+            return None
         return {
             "by_head": attention.weights.tolist(),
             "total": attention.total.tolist(),
@@ -218,7 +237,7 @@ def _numbers(before: Any, after: Any, removal: Any) -> dict[str, Any]:
         }
 
     return {
-        "tokens": list(after.tokens),
+        "tokens": list(tokens),
         "attention_start": one(before),
         "attention_end": one(after),
         "removal_policy": removal.policy.tolist(),
@@ -226,24 +245,33 @@ def _numbers(before: Any, after: Any, removal: Any) -> dict[str, Any]:
     }
 
 
-def _table(before: Any, after: Any, removal: Any, unit: str) -> str:
+def _table(tokens: Sequence[str], before: Any, after: Any, removal: Any, unit: str) -> str:
     """One line per token; the stars mark the paper's token*."""
-    width = max(6, *map(len, after.tokens))
-    lines = [f"{'':>3}  {'token':{width}}  {'start':>6}   {'end':>6}    policy    value"]
-    for k, token in enumerate(after.tokens):
-        cells = [f"{a.total[k]:.2f}{'*' if k == a.strongest else ' '}".rjust(7) for a in (before, after)]
+    width = max(6, *map(len, tokens))
+    attentions = [attention for attention in (before, after) if attention is not None]
+    heading = f"  {'start':>6}   {'end':>6} " if attentions else ""
+    lines = [f"{'':>3}  {'token':{width}}{heading}   policy    value"]
+    for k, token in enumerate(tokens):
+        cells = [f"{a.total[k]:.2f}{'*' if k == a.strongest else ' '}".rjust(7) for a in attentions]
         cells += [f"{effect[k]:7.4f}" for effect in (removal.policy, removal.value)]
         lines.append("  ".join([f"{k:>3}", token.ljust(width), *cells]))
-    heads = len(after.weights)
-    agreement = ["-" if x is None else f"{x:.2f}" for x in (removal.agreement(after, of) for of in ("policy", "value"))]
     where = "met in this row" if removal.met else "at starts of episodes, since none met this row"
-    lines += [
-        f"start, end: attention received, sum over {heads} heads; 1 / n gives {heads / len(after.tokens):.2f}; *: top",
+    legend = [
         f"policy, value: change without the token, {unit} and absolute;",
         f"  mean over {removal.observations} observations {where}",
-        f"rank correlation with the attention at the end: policy {agreement[0]}, value {agreement[1]}",
     ]
-    return "\n".join(lines)
+    if not attentions:
+        return "\n".join([*lines, *legend])
+    heads = len(after.weights)
+    agreement = ["-" if x is None else f"{x:.2f}" for x in (removal.agreement(after, of) for of in ("policy", "value"))]
+    return "\n".join(
+        [
+            *lines,
+            f"start, end: attention received, sum over {heads} heads; 1 / n gives {heads / len(tokens):.2f}; *: top",
+            *legend,
+            f"rank correlation with the attention at the end: policy {agreement[0]}, value {agreement[1]}",
+        ]
+    )
 
 
 if __name__ == "__main__":

@@ -125,6 +125,9 @@ _RM_WATER = Config(
     episode_length=waterworld.EPISODE_LENGTH,
 )
 
+# With targets of 32 samples instead of 32 x 77, the learning rate of crm is too large.
+_RM_QL_DQN = replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)
+
 register_config("zone_ppo", ZONE, "T2TL by PPO on phi_zone: three million frames after pre-training on the same task")
 register_config(
     "zone_ppo_closed_form",
@@ -135,6 +138,11 @@ register_config(
     "zone_ppo_long",
     ZONE_LONG,
     "zone_ppo with the long schedule: ten million frames in 2,048 environments, after random formulas",
+)
+register_config(
+    "zone_ppo_safe",
+    replace(ZONE, task="phi_safe"),
+    "zone_ppo on phi_safe, the paper's running example: Black, then White, and neither Red nor Yellow before",
 )
 register_config(
     "zone_ppo_published",
@@ -164,9 +172,18 @@ register_config(
 )
 register_config(
     "rm_water_ql",
-    # With targets of 32 samples instead of 32 x 77, the learning rate of crm is too large.
-    replace(_RM_WATER, learner=replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)),
+    replace(_RM_WATER, learner=_RM_QL_DQN),
     "the same, but every step teaches only the machine's own state (ql)",
+)
+register_config(
+    "rm_water_crm_shaped",
+    replace(_RM_WATER, learner=replace(_RM_DQN, shaping=True)),
+    "rm_water_crm, learning from rewards shaped by a potential of the machines' states; what is reported is not",
+)
+register_config(
+    "rm_water_ql_shaped",
+    replace(_RM_WATER, learner=replace(_RM_QL_DQN, shaping=True)),
+    "rm_water_ql with the same shaping",
 )
 register_config(
     "rm_water_parallel",

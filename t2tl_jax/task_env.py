@@ -1,9 +1,13 @@
 """The TL-MDP: a labelled environment times a task table.
 
 One step: act, read the labels of s', progress the task row, reward, done on a verdict. The reward of formulas is the
-row's verdict, +1 / -1 / 0; reward machines pay by transition.
+row's verdict, +1 / -1 / 0; reward machines pay by transition. The paper prints L(s) instead, the labels of the state in
+which the action is taken: `labels="state"`. Its words begin with the label of the initial state, and every verdict
+comes one step later.
 The row is part of `pipeline_state`, so every auto-reset that restores the pipeline state restores the task with it.
 """
+
+from typing import Literal, get_args
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +16,9 @@ from flax import struct
 
 from t2tl_jax.env import EnvParams, LabelledEnv
 from t2tl_jax.ltl import TaskTable
+
+Labels = Literal["next", "state"]
+"""Which state's labels a step reads: those of s', or those of s as the paper prints."""
 
 
 @struct.dataclass
@@ -37,7 +44,7 @@ class TaskState:
 class Shared:
     """What a step led to whatever the task is: with the table it is a transition of every row."""
 
-    letter: jax.Array  # int32, the labels of s'
+    letter: jax.Array  # int32, the labels of s', or of s with labels="state"
     reward: jax.Array  # float32, the environment's own
     ended: jax.Array  # bool, the environment ended the episode
 
@@ -47,9 +54,12 @@ class TaskEnv(Env):
 
     `random_starts` is the share of episodes that start in a random open row of the table instead of a task's first row:
     the on-policy form of the paper's simultaneous learning on the extended set Psi of progressed sub-tasks.
+
+    `labels` says what an episode s_0, s_1, ... is read as: "next" (the default) as the word L(s_1), L(s_2), ...; the
+    initial labels are not used. "state" as L(s_0), L(s_1), ..., as printed; a step then pays for the state it left.
     """
 
-    def __init__(self, env: LabelledEnv, table: TaskTable, random_starts: float = 0.0) -> None:
+    def __init__(self, env: LabelledEnv, table: TaskTable, random_starts: float = 0.0, labels: Labels = "next") -> None:
         """Combine `env` with tasks; `table` is part of the parameters, and the default for calls without them.
 
         Raises:
@@ -67,16 +77,19 @@ class TaskEnv(Env):
             )
         if not 0.0 <= random_starts <= 1.0:
             raise ValueError(f"random_starts is a share of episodes, expected 0 to 1, got {random_starts}")
+        if labels not in get_args(Labels):
+            raise ValueError(f"labels must be one of {', '.join(get_args(Labels))}, got {labels!r}")
         self.env = env
         self.table = table
         self.random_starts = random_starts
+        self.labels = labels
 
     def make_params(self, seed: int, training: bool = True) -> TaskParams:
         """The environment's parameters for a seed, and the table; see `LabelledEnv.make_params`."""
         return TaskParams(env=self.env.make_params(seed, training), table=self.table)
 
     def reset(self, rng: jax.Array, params: TaskParams | None = None, turn: jax.Array | None = None) -> State:
-        """A fresh layout and one of the table's tasks; the initial state's labels are not used.
+        """A fresh layout and one of the table's tasks, of which nothing is progressed yet.
 
         The task is drawn uniformly, or is number `turn` (int32 scalar) of those that take turns.
         """
@@ -98,17 +111,17 @@ class TaskEnv(Env):
         return state.replace(pipeline_state=TaskState(env=state.pipeline_state, row=jnp.asarray(row, jnp.int32)))
 
     def step(self, state: State, action: jax.Array, params: TaskParams | None = None) -> State:
-        """Act, label, progress, reward (equation 2 of the paper, with the labels of s')."""
+        """Act, label, progress, reward (equation 2 of the paper, with the labels of s' unless `labels` says other)."""
         return self.step_for_all(state, action, params)[0]
 
     def step_for_all(self, state: State, action: jax.Array, params: TaskParams | None = None) -> tuple[State, Shared]:
         """As `step`, with what the step would have been to an agent with another task."""
         params = self.make_params(0) if params is None else params
         table = params.table
-        env_state = self.env.step(state.replace(pipeline_state=state.pipeline_state.env), action, params.env)
-        shared = Shared(
-            letter=table.letter(self.env.labels(env_state)), reward=env_state.reward, ended=env_state.done > 0
-        )
+        before = state.replace(pipeline_state=state.pipeline_state.env)
+        env_state = self.env.step(before, action, params.env)
+        read = before if self.labels == "state" else env_state
+        shared = Shared(letter=table.letter(self.env.labels(read)), reward=env_state.reward, ended=env_state.done > 0)
         row, reward = table.step(state.pipeline_state.row, shared.letter)
         after = env_state.replace(
             pipeline_state=TaskState(env=env_state.pipeline_state, row=row),

@@ -41,6 +41,9 @@ class WaterWorldConfig(EnvConfig):
     """Steps by which labels come late: 0, or 1 as in the original."""
     radii: tuple[float, ...] = ()
     """Radius of each colour's balls; empty means 15 for all."""
+    map_radii: tuple[float, ...] = ()
+    """Maps are drawn as if each colour's balls had at least this radius; empty means their own. Worlds that differ in
+    `radii` alone have the same maps if all of them draw for the largest ones."""
     agent_radius: float = RADIUS
     """Radius of the agent."""
     arena: tuple[float, float] = (ARENA, ARENA)
@@ -73,18 +76,26 @@ class WaterWorldConfig(EnvConfig):
             raise ValueError(f"pool_size is {self.pool_size}; it must be 0 (no pool) or more")
         if len(self.radius_of_each_colour) != len(self.colours):
             raise ValueError(f"radii has {len(self.radii)} entries for {len(self.colours)} colours")
-        lengths = (*self.radius_of_each_colour, self.agent_radius, *self.arena, self.time_step)
+        if self.map_radii and len(self.map_radii) != len(self.colours):
+            raise ValueError(f"map_radii has {len(self.map_radii)} entries for {len(self.colours)} colours")
+        lengths = (*self.radius_of_each_colour, *self.map_radii, self.agent_radius, *self.arena, self.time_step)
         if min(lengths) <= 0 or not np.isfinite(lengths).all():
-            raise ValueError("radii, arena and time_step must be positive and finite")
+            raise ValueError("radii, map_radii, arena and time_step must be positive and finite")
         speeds = (self.ball_speed, self.increment, self.velocity_limit)
         if min(speeds) < 0 or self.ball_speed + self.velocity_limit <= 0 or not np.isfinite(speeds).all():
             raise ValueError("ball_speed, increment and velocity_limit must not be negative, and finite")
         if self.velocity_limit == 0:
             raise ValueError("velocity_limit is 0; the observation is scaled by it, so it must be positive")
-        if 2 * max(*self.radius_of_each_colour, self.agent_radius) >= min(self.arena):
+        if 2 * max(*self.map_radius_of_each_colour, self.agent_radius) >= min(self.arena):
             raise ValueError(f"the largest body does not fit into an arena of {self.arena[0]:g} x {self.arena[1]:g}")
 
     @property
     def radius_of_each_colour(self) -> tuple[float, ...]:
         """Radius of each colour's balls, in units of length."""
         return self.radii or (RADIUS,) * len(self.colours)
+
+    @property
+    def map_radius_of_each_colour(self) -> tuple[float, ...]:
+        """Radius with which each colour's balls are placed, in units of length: never less than their own."""
+        own = self.radius_of_each_colour
+        return tuple(map(max, own, self.map_radii or own))

@@ -55,11 +55,20 @@ class WaterWorldParams:
     """Radius of the agent in units of length."""
     ball_radius: jax.Array | np.ndarray
     """``[C]``: radius of the balls of each colour in units of length."""
+    map_radius: jax.Array | np.ndarray
+    """``[C]``: the least radius with which the balls of each colour are placed on a map that a reset draws, in units of
+    length; larger balls are placed with their own."""
     starts: Start | None
     """With a leading axis ``[m]``: the maps that a reset chooses from; None to draw one by the rule of `maps`."""
 
     def radius_of_each_ball(self, balls_per_colour: int) -> jax.Array:
         """The colours' radii repeated for the balls of each colour: ``[n]``."""
-        (colours,) = self.ball_radius.shape
-        radii = jnp.asarray(self.ball_radius)[:, None]
-        return jnp.broadcast_to(radii, (colours, balls_per_colour)).reshape(-1)
+        return _repeated(self.ball_radius, balls_per_colour)
+
+    def map_radius_of_each_ball(self, balls_per_colour: int) -> jax.Array:
+        """Radii with which a reset places the balls: ``[n]``."""
+        return _repeated(jnp.maximum(self.ball_radius, self.map_radius), balls_per_colour)
+
+
+def _repeated(radii: jax.Array | np.ndarray, balls_per_colour: int) -> jax.Array:
+    return jnp.broadcast_to(jnp.asarray(radii)[:, None], (*radii.shape, balls_per_colour)).reshape(-1)

@@ -101,12 +101,13 @@ class WaterWorld(LabelledEnv):
             velocity_limit=np.asarray(config.velocity_limit, np.float32),
             agent_radius=np.asarray(config.agent_radius, np.float32),
             ball_radius=np.asarray(config.radius_of_each_colour, np.float32),
+            map_radius=np.asarray(config.map_radius_of_each_colour, np.float32),
             starts=starts,
         )
 
     def _maps(self, first: int, count: int) -> Start:
         config = self.config
-        radii = tuple(radius for radius in config.radius_of_each_colour for _ in range(config.balls_per_colour))
+        radii = tuple(radius for radius in config.map_radius_of_each_colour for _ in range(config.balls_per_colour))
         return maps.map_pool(first, count, radii, config.agent_radius, config.arena)
 
     @property
@@ -162,7 +163,7 @@ class WaterWorld(LabelledEnv):
         """
         params = self._given(params)
         if params.starts is None:
-            start = maps.random_map(rng, params.radius_of_each_ball(self.config.balls_per_colour), params)
+            start = maps.random_map(rng, params.map_radius_of_each_ball(self.config.balls_per_colour), params)
         else:
             size = len(params.starts.agent)
             index = jax.random.randint(rng, (), 0, size) if size > 1 else 0

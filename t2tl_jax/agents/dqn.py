@@ -19,6 +19,7 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
+from t2tl_jax.agents.shaping import potential
 from t2tl_jax.agents.td_learning import Transition, code_change, dqn_loss
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry
@@ -78,6 +79,9 @@ class DQNConfig(AdamLearnerConfig):
     """Choose the next action for the old formula, as the paper prints, instead of for the progressed one."""
     timeout_is_terminal: bool = False
     """Treat the time limit as an end of the task instead of bootstrapping."""
+    shaping: bool = False
+    """Learn from rewards shaped by a potential of the table's rows (Toro Icarte et al., 2022), which changes no best
+    policy; see `agents/shaping.py`. What is reported stays unshaped."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -92,6 +96,8 @@ class DQNConfig(AdamLearnerConfig):
                 f"buffer_size must hold at least one batch and one step of all environments, got "
                 f"buffer_size={self.buffer_size}, batch_size={self.batch_size}, num_envs={self.num_envs}"
             )
+        if self.shaping and self.discount >= 1.0:
+            raise ValueError(f"shaping needs discount below 1, or values may have no bound, got {self.discount}")
         if not 0.0 < self.epsilon_fraction <= 1.0:
             raise ValueError(f"epsilon_fraction is a share of the run above 0, got {self.epsilon_fraction}")
 
@@ -279,6 +285,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         table: TaskTable,
         embedding: jax.Array,
         pullback: Callable,
+        phi: jax.Array | None,
         ready: jax.Array,
         key: jax.Array,
     ) -> tuple[DQNState, dict[str, jax.Array]]:
@@ -293,7 +300,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
 
         def loss(params: Params, embedding: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
             target = state.target_params, state.target_embedding
-            return dqn_loss(config, network, table, params, embedding, *target, batch)
+            return dqn_loss(config, network, table, params, embedding, *target, batch, phi)
 
         (direct, by_embedding), scalars = jax.grad(loss, argnums=(0, 1), has_aux=True)(state.params, embedding)
         gradient = optax.tree.add(direct, pullback(by_embedding)[0])
@@ -310,6 +317,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         key, scan_key = jax.random.split(state.key)
         first = state.iteration * config.unroll_length
         fixed = embed(state.params, table) if config.network.freeze_task_encoder else None
+        phi = potential(table, config.discount) if config.shaping else None
 
         def one_step(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
             step, key = inputs
@@ -325,7 +333,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             for i, update_key in enumerate(update_keys):
                 if i > 0:
                     state, embedding, pullback = encode(state, table, fixed, count + i)
-                state, scalars = update(state, table, embedding, pullback, ready, update_key)
+                state, scalars = update(state, table, embedding, pullback, phi, ready, update_key)
             kept = done.totals, done.state.metrics, (done.task, done.total / done.elapsed)
             return state, (kept, scalars)
 

@@ -35,37 +35,50 @@ class Transition:
 def td_target(
     config: "DQNConfig",
     table: TaskTable,
+    row: jax.Array,
     next_row: jax.Array,
     reward: jax.Array,
     chooser: jax.Array,
     target: jax.Array,
     shared: Shared,
     cut: jax.Array,
+    phi: jax.Array | None = None,
 ) -> jax.Array:
     """What Q should be, float32[B, R], for R rows of every transition.
 
-    next_row, reward: where each row's formula goes and what that pays, [B, R]; chooser, target: Q at s' that choose the
-    action and value it, float32[B, R, actions]; shared [B]; cut: bool[B].
+    row: the rows, int32[B, R] or [R]; next_row, reward: where each row's formula goes and what that pays, [B, R];
+    chooser, target: Q at s' that choose the action and value it, float32[B, R, actions]; shared [B]; cut: bool[B]; phi:
+    the rows' potential float32[rows] that shapes the reward, or None. What ends has the potential 0, whatever ends it.
     """
     value = jnp.take_along_axis(target, chooser.argmax(axis=-1, keepdims=True), axis=-1)[..., 0]
     ended = (table.verdict[next_row] != 0) | shared.ended[:, None]
     if config.timeout_is_terminal:
         ended = ended | cut[:, None]
+    if phi is not None:
+        value, reward = value + phi[next_row], reward - phi[row]
     return shared.reward[:, None] + reward + config.discount * jnp.where(ended, 0.0, value)
 
 
 def td_targets(
-    config: "DQNConfig", table: TaskTable, online: jax.Array, target: jax.Array, shared: Shared, cut: jax.Array
+    config: "DQNConfig",
+    table: TaskTable,
+    online: jax.Array,
+    target: jax.Array,
+    shared: Shared,
+    cut: jax.Array,
+    phi: jax.Array | None = None,
 ) -> jax.Array:
     """What Q should be in every row for every transition, float32[B, rows].
 
-    online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; shared [B]; cut bool[B].
+    online, target: Q of all rows at s' by the two networks, float32[B, rows, actions]; shared [B]; cut bool[B]; phi as
+    for `td_target`.
     """
     next_row, reward = (x.T for x in table.step_all(shared.letter))  # [B, rows]
     at_next = partial(jnp.take_along_axis, indices=next_row[..., None], axis=1)  # [B, rows, A], row u reads row u'
     chooser = online if config.double else target
     chooser = chooser if config.printed_argmax else at_next(chooser)
-    return td_target(config, table, next_row, reward, chooser, at_next(target), shared, cut)
+    row = jnp.arange(table.num_rows)
+    return td_target(config, table, row, next_row, reward, chooser, at_next(target), shared, cut, phi)
 
 
 def code_change(table: TaskTable, embedding: jax.Array, target_embedding: jax.Array) -> dict[str, jax.Array]:
@@ -91,10 +104,12 @@ def dqn_loss(
     target_params: Params,
     target_embedding: jax.Array,
     batch: Transition,
+    phi: jax.Array | None = None,
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
     """Huber loss of the TD errors, averaged over transitions and over the rows that learn: the open ones, or the own.
 
-    `embedding` is what `params` make of the table's rows, float32[rows, dim], `target_embedding` likewise.
+    `embedding` is what `params` make of the table's rows, float32[rows, dim], `target_embedding` likewise; `phi`
+    as for `td_target`.
     """
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
     before, after = without_newest(batch.steps), without_oldest(batch.steps)  # the windows at s and at s'
@@ -104,7 +119,7 @@ def dqn_loss(
         both = apply(params, states, embedding, windows, method="every_row")
         q, online = jnp.split(both, 2)  # [B, rows, A]
         target = apply(target_params, batch.next_obs, target_embedding, after, method="every_row")
-        goal = td_targets(config, table, online, target, batch.shared, batch.cut)
+        goal = td_targets(config, table, online, target, batch.shared, batch.cut, phi)
         learns = jnp.broadcast_to(table.is_open, goal.shape)
     else:
         next_row, reward = table.step(batch.row, batch.shared.letter)  # [B]
@@ -116,7 +131,8 @@ def dqn_loss(
             chooser = apply(which, batch.next_obs, coded, row, after)[:, None]
         else:
             chooser = target
-        goal = td_target(config, table, next_row[:, None], reward[:, None], chooser, target, batch.shared, batch.cut)
+        row, next_row, reward = (x[:, None] for x in (batch.row, next_row, reward))
+        goal = td_target(config, table, row, next_row, reward, chooser, target, batch.shared, batch.cut, phi)
         learns = jnp.ones_like(goal, bool)
 
     taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows] or [B, 1]

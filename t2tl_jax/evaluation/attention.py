@@ -1,17 +1,20 @@
 """Which tokens of a formula a Transformer attends to, and which of them the policy depends on.
 
 Attention says where the encoder looks, not what its output depends on. So both are measured: the weights (the paper's
-reading of its agent), and what changes in policy and value when a token is taken away.
+reading of its agent), and what changes in policy and value when a token is taken away. The second needs no attention:
+it reads every encoder of tokens, the graph network too.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from brax.envs.base import State
+from flax import linen as nn
 from flax import struct
 from scipy import stats
 
@@ -60,6 +63,11 @@ class Removal:
     met: bool
     """Whether they were met in this row; if not, they are those that episodes begin with."""
 
+    @property
+    def strongest(self) -> int | None:
+        """The token without which the policy moves most; the first one of equals, None where none does anything."""
+        return int(self.policy.argmax()) if self.policy.max() > 0 else None
+
     def agreement(self, attention: Attention, of: Literal["policy", "value"] = "policy") -> float | None:
         """Spearman's rank correlation of total attention and effect; None where one of them is constant."""
         effect = self.policy if of == "policy" else self.value
@@ -87,7 +95,7 @@ class Meeting:
 
 
 def attention_received(
-    encoder: TransformerTaskEncoder,
+    encoder: nn.Module,
     params: Params,
     table: TaskTable,
     row: int,
@@ -100,13 +108,18 @@ def attention_received(
     an encoder without mask gives to padding is left out, and the rest scaled to a sum of 1 for every query.
 
     Args:
-        encoder: the agent's task encoder.
+        encoder: the agent's task encoder, a Transformer.
         params: its parameters, ``agent_params["params"]["task_encoder"]``.
         table: any table over the propositions that the encoder was trained with.
         row: which formula of it.
         layers: numbers of the layers, from 0; all by default, as in the paper's rule.
         queries: "all" or "root". The published figure does not say which; in it every head sums to 1, as here.
+
+    Raises:
+        ValueError: for an encoder without attention, or layers, queries or a row that there are not.
     """
+    if not isinstance(encoder, TransformerTaskEncoder):
+        raise ValueError(f"a Transformer has attention, {type(encoder).__name__} has none; removal reads it too")
     count, known = encoder.config.layers, range(encoder.config.layers)
     chosen = list(known if layers is None else layers)
     if not chosen or not set(chosen) <= set(known):
@@ -122,22 +135,44 @@ def attention_received(
     return Attention(tokens, weights.mean((0, 2)))
 
 
-def codes_without_tokens(encoder: TransformerTaskEncoder, params: Params, table: TaskTable, row: int) -> jax.Array:
-    """Codes of a formula as it is, then without each of its n tokens in turn: float32[1 + n, output].
+def has_attention(encoder: nn.Module) -> bool:
+    """Whether `attention_received` can read this task encoder; removal needs no attention."""
+    return isinstance(encoder, TransformerTaskEncoder)
 
-    A token is taken away by masking it: no other token attends to it, and the pooling leaves it out. The others keep
-    their positions. An encoder that reads padding goes on reading it.
+
+def codes_without_tokens(encoder: nn.Module, params: Params, table: TaskTable, row: int) -> jax.Array:
+    """Codes of a formula as it is, then without each of its n tokens in turn: float32[1 + n, code_size].
+
+    A token is taken away by masking it. In a Transformer no other token attends to it, the pooling leaves it out, and
+    the others keep their positions; one that reads padding goes on reading it. In the graph network the node is gone,
+    and with it all that hangs on it. A recurrent network reads the formula without it.
+
+    Args:
+        encoder: any task encoder that reads tokens.
+        params: its parameters, ``agent_params["params"]["task_encoder"]``.
+        table: any table over the propositions that the encoder was trained with.
+        row: which formula of it.
+
+    Raises:
+        ValueError: for an encoder that does not care what is masked.
     """
     row = _checked(table, row)
     length = int(table.mask[row].sum())
-    present = table.mask[row] if encoder.config.masked else jnp.ones_like(table.mask[row])
+    present = table.mask[row]
+    if isinstance(encoder, TransformerTaskEncoder) and not encoder.config.masked:
+        present = jnp.ones_like(present)
+        encoder = TransformerTaskEncoder(replace(encoder.config, masked=True))  # the same parameters
     without = jnp.concatenate([jnp.zeros((1, present.size), bool), jnp.eye(length, present.size, dtype=bool)])
     altered = replace(
         table, tokens=jnp.broadcast_to(table.tokens[row], without.shape), mask=present[None, :] & ~without
     )
-    masking = TransformerTaskEncoder(replace(encoder.config, masked=True))  # the same parameters
-    codes = jax.jit(masking.apply)({"params": params}, altered)
+    codes = jax.jit(encoder.apply)({"params": params}, altered)
     assert isinstance(codes, jax.Array)
+    if (codes == codes[0]).all():
+        raise ValueError(
+            f"{type(encoder).__name__} gives the same code whatever token is masked: it does not read the table's mask "
+            "(or not its tokens), so nothing can be taken away from it"
+        )
     return codes
 
 
@@ -205,23 +240,29 @@ def removal_effects(agent: Agent, params: Params, codes: jax.Array, met: Met) ->
     """
     if agent.compare is None:
         raise ValueError("this learner cannot compare the decisions that two codes of a task lead to")
-    compare = agent.compare
     chosen = np.asarray(met.steps) > 0
     found = bool(chosen.any())
     index = np.flatnonzero(chosen | (not found))
     seen = jax.tree.map(lambda x: x[index], (met.obs, met.carry))
-
-    def effects(params: Params, seen: tuple[jax.Array, AgentCarry], codes: jax.Array) -> tuple[jax.Array, jax.Array]:
-        obs, carry = seen
-
-        def one_token(code: jax.Array) -> tuple[jax.Array, jax.Array]:
-            policy, value = compare(params, carry, obs, codes[0], code)
-            return policy.mean(), jnp.abs(value).mean()
-
-        return jax.lax.map(one_token, codes[1:])  # one after the other: a formula can have very many tokens
-
-    policy, value = jax.device_get(jax.jit(effects)(params, seen, codes))
+    policy, value = jax.device_get(_effects(agent.compare, params, seen, codes))
     return Removal(policy.astype(np.float64), value.astype(np.float64), len(index), found)
+
+
+@partial(jax.jit, static_argnums=0)
+def _effects(
+    compare: Callable[..., tuple[jax.Array, jax.Array]],
+    params: Params,
+    seen: tuple[jax.Array, AgentCarry],
+    codes: jax.Array,
+) -> tuple[jax.Array, jax.Array]:
+    """Mean change of policy and value by each of codes[1:] in place of codes[0]: float32[n] each."""
+    obs, carry = seen
+
+    def one_token(code: jax.Array) -> tuple[jax.Array, jax.Array]:
+        policy, value = compare(params, carry, obs, codes[0], code)
+        return policy.mean(), jnp.abs(value).mean()
+
+    return jax.lax.map(one_token, codes[1:])  # one after the other: a formula can have very many tokens
 
 
 def _one_row(table: TaskTable, row: int) -> TaskTable:

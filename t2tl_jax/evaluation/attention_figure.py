@@ -1,5 +1,6 @@
 """The picture of the paper's last figure: what each token receives by head, and beside it what taking it away does."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,36 +13,44 @@ from t2tl_jax.evaluation.attention import Attention, Removal
 
 
 def plot_attention(
-    target: Path, title: str, start: tuple[str, Attention], end: tuple[str, Attention], removal: Removal, unit: str
+    target: Path,
+    title: str,
+    tokens: Sequence[str],
+    stages: Sequence[tuple[str, Attention]],
+    removal: Removal,
+    unit: str,
 ) -> None:
-    """Draw attention at the start and at the end of training, and the effects of removal at the end.
+    """Draw attention by stage of training, and the effects of removal at the end.
 
     Args:
         target: the PNG to write.
         title: above the panels.
-        start: what to call it, and the attention.
-        end: the same of the trained network; over the same tokens.
+        tokens: of the formula.
+        stages: what to call each, and its attention; none for an encoder without.
         removal: of the trained network.
         unit: of the change of the policy.
     """
-    tokens = end[1].tokens
     position = np.arange(len(tokens))
     # Without pyplot: no global state, no display, usable from any thread.
-    figure = Figure(figsize=(15, 2.2 + 0.26 * len(tokens)), layout="constrained")
+    widths = (*[3] * len(stages), 2, 2)
+    figure = Figure(figsize=(1.5 * sum(widths), 2.2 + 0.26 * len(tokens)), layout="constrained")
     canvas = FigureCanvasAgg(figure)
-    panels = figure.subplots(1, 4, sharey=True, width_ratios=(3, 3, 2, 2))
-    widest = max(attention.total.max() for _, attention in (start, end))
-    for axes, (name, attention) in zip(panels, (start, end), strict=False):
+    panels = figure.subplots(1, len(widths), sharey=True, width_ratios=widths)
+    widest = max([attention.total.max() for _, attention in stages], default=0.0)
+    for axes, (name, attention) in zip(panels, stages, strict=False):
         _stacked(axes, attention)
         axes.set_title(f"attention received\n{name}", fontsize="medium")
         axes.set_xlabel(f"sum over {len(attention.weights)} heads")
         axes.set_xlim(0, 1.08 * widest)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, title="head", loc="outside lower left", ncols=12, frameon=False, fontsize="small")
+    if stages:
+        figure.legend(
+            handles, labels, title="head", loc="outside lower left", ncols=12, frameon=False, fontsize="small"
+        )
     where = "met in this row" if removal.met else "at the start of episodes; this row was never met"
     for axes, values, name, label in (
-        (panels[2], removal.policy, "policy", unit),
-        (panels[3], removal.value, "value", "mean absolute change"),
+        (panels[-2], removal.policy, "policy", unit),
+        (panels[-1], removal.value, "value", "mean absolute change"),
     ):
         axes.barh(position, values, color="0.45")
         axes.set_xlim(0, 1.05 * max(values.max(), 1e-6))

@@ -10,6 +10,7 @@ import tyro
 from t2tl_jax.ltl.compiler.automaton import build
 from t2tl_jax.ltl.compiler.budget import MAX_ROWS
 from t2tl_jax.ltl.compiler.machine_automaton import build_machines
+from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.describe import describe, describe_word, to_dot
 from t2tl_jax.ltl.errors import LTLError
 from t2tl_jax.ltl.formula import Formula
@@ -28,6 +29,8 @@ class Arguments:
     """Labels to step through, steps apart by `;`, propositions by `,`: `a; ; a,b`."""
     alphabet: Literal["every_subset", "at_most_one"] = "every_subset"
     """Which letters exist: every set of propositions, or at most one proposition at a time."""
+    progression: Literal["exact", "paper"] = "exact"
+    """The usual rules, or the paper's, which also drop a satisfied proposition."""
     propositions: str | None = None
     """The environment's propositions in its order, apart by `,`. By default those of the tasks."""
     dot: bool = False
@@ -64,9 +67,13 @@ def run(arguments: Arguments) -> str:
     tasks: list[Formula] | list[RewardMachine] = formulas or machines
     names = _propositions(tasks) if arguments.propositions is None else tuple(_split(arguments.propositions, ","))
     if machines:
+        if arguments.progression != EXACT:
+            raise LTLError(f"progression is how formulas go on; leave it at {EXACT} for reward machines")
         automaton = build_machines(machines, names, arguments.alphabet, max_rows=arguments.max_rows)
     else:
-        automaton = build(formulas, names, arguments.alphabet, max_rows=arguments.max_rows)
+        automaton = build(
+            formulas, names, arguments.alphabet, max_rows=arguments.max_rows, progression=arguments.progression
+        )
     if arguments.dot:
         return to_dot(automaton)
     text = describe(automaton)

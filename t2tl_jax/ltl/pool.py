@@ -12,6 +12,7 @@ import numpy as np
 from t2tl_jax.ltl import tokens as vocabulary
 from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, check_cells, letter_weights
 from t2tl_jax.ltl.compiler.automaton import Automaton, build
+from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import TooLargeError
 from t2tl_jax.ltl.families import make_sampler
 from t2tl_jax.ltl.formula import Formula
@@ -30,6 +31,7 @@ def compile_pool(
     size: int,
     rows: int,
     length: int,
+    progression: str = EXACT,
 ) -> TaskTable:
     """Draw `size` different formulas of a family and compile them to one table, on the host.
 
@@ -48,6 +50,7 @@ def compile_pool(
         size: number of formulas, which are the tasks of the table.
         rows: rows of the table, true and false included.
         length: tokens per row.
+        progression: as in `compile_tasks`.
 
     Raises:
         UnknownTaskError, LTLError: for a family that does not exist or needs more propositions.
@@ -55,7 +58,7 @@ def compile_pool(
     """
     names = tuple(propositions)
     draw, rng = make_sampler(family, names), random.Random(f"{family} {seed}")
-    builder = _Builder(names, alphabet, rows, length)
+    builder = _Builder(names, alphabet, rows, length, progression)
     for _ in range(DRAWS_PER_TASK * size):
         if len(builder.initial_row) == size:
             return builder.table()
@@ -71,10 +74,11 @@ def compile_pool(
 class _Builder:
     """A pool under construction. Rows of different tasks that show the same formula are one row."""
 
-    def __init__(self, names: tuple[str, ...], alphabet: str, rows: int, length: int) -> None:
+    def __init__(self, names: tuple[str, ...], alphabet: str, rows: int, length: int, progression: str) -> None:
         everything = list(range(len(names)))
         check_cells(rows, len(names), alphabet)
         self.names, self.alphabet, self.rows, self.length = names, alphabet, rows, length
+        self.progression = progression
         self.weights = letter_weights(len(names), everything, alphabet)
         letters = len(names) + 1 if alphabet == AT_MOST_ONE else 2 ** len(names)
         # Rows start as copies of false, which is also what the left-over ones stay.
@@ -93,7 +97,7 @@ class _Builder:
     def add(self, formula: Formula) -> None:
         """Take in a formula, or count why not."""
         try:
-            automaton = build([formula], self.names, self.alphabet, max_rows=self.rows)
+            automaton = build([formula], self.names, self.alphabet, max_rows=self.rows, progression=self.progression)
         except TooLargeError:
             self.too_many += 1
             return

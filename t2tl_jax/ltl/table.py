@@ -12,6 +12,7 @@ from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
 from t2tl_jax.ltl.compiler.automaton import Automaton, build
 from t2tl_jax.ltl.compiler.budget import MAX_ROWS
 from t2tl_jax.ltl.compiler.machine_automaton import build_machines
+from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import LTLError, TooLargeError, no_formulas
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.reward_machine import RewardMachine
@@ -191,6 +192,7 @@ def compile_tasks(
     *,
     length: int | None = None,
     max_rows: int = MAX_ROWS,
+    progression: str = EXACT,
 ) -> TaskTable:
     """Compile co-safe LTL tasks to a table, on the host.
 
@@ -201,12 +203,18 @@ def compile_tasks(
             environments where at most one proposition is true at each step).
         length: tokens per row; by default those of the longest row.
         max_rows: refuse tasks with more rows than this.
+        progression: "exact", the usual rules, by which verdicts are those of the formulas as written; or "paper", which
+            adds the last case of the paper's definition 2: a satisfied proposition is dropped. Of the 9 tokens of
+            `phi_zone_prime` it leaves 4 after Black, `!Yellow U White`, where the usual rules keep the whole task
+            beside that as a second chance (14). It contradicts the paper's theorem 1: Black, Yellow, Black, White
+            satisfies `phi_zone_prime`, and is judged false at Yellow. Of `phi_zone`, `phi_safe` and `phi_water`, whose
+            goals all have the same guard, both make the same table.
 
     Raises:
         LTLSyntaxError, NotCoSafeError, UnknownPropositionError: as the formulas deserve.
         TooLargeError: too many rows, letters or nodes, or a row that does not fit into `length`.
     """
-    return _to_table(build(formulas, propositions, alphabet, max_rows=max_rows), length)
+    return _to_table(build(formulas, propositions, alphabet, max_rows=max_rows, progression=progression), length)
 
 
 def compile_reward_machines(
@@ -238,7 +246,12 @@ def compile_reward_machines(
 
 
 def compile_named(
-    text: str, propositions: Sequence[str], alphabet: str = "every_subset", *, length: int | None = None
+    text: str,
+    propositions: Sequence[str],
+    alphabet: str = "every_subset",
+    *,
+    length: int | None = None,
+    progression: str = EXACT,
 ) -> TaskTable:
     """Compile a task as a configuration names it.
 
@@ -248,6 +261,7 @@ def compile_named(
         propositions: as in `compile_tasks`.
         alphabet: as in `compile_tasks`.
         length: as in `compile_tasks`.
+        progression: as in `compile_tasks`; of reward machines, which progress nothing, only "exact".
 
     Raises:
         UnknownTaskError: an unknown name (with the nearest), or a file that cannot be read.
@@ -255,7 +269,9 @@ def compile_named(
     """
     task = resolve(text)
     if isinstance(task, Formula):
-        return compile_tasks(task, propositions, alphabet, length=length)
+        return compile_tasks(task, propositions, alphabet, length=length, progression=progression)
+    if progression != EXACT:
+        raise LTLError(f"progression is how formulas go on, and {text} is a reward machine; leave it at {EXACT}")
     return compile_reward_machines(task, propositions, alphabet, length=length)
 
 

@@ -87,6 +87,8 @@ class RelationalConvolution(nn.Module):
 class RGCNTaskEncoder(nn.Module):
     """The formula's tree, read by a relational graph network at its root.
 
+    A token that the table masks is no node: it sends nothing, and what is below it is not heard.
+
     The published network has the weights of a node to itself twice (a relation and a self loop); their sum is one.
     """
 
@@ -98,9 +100,10 @@ class RGCNTaskEncoder(nn.Module):
         config, tokens = self.config, table.tokens
         second = second_operand(tokens)
         one_hot = jax.nn.one_hot(tokens, table.vocabulary_size)
-        start = nn.Dense(config.width, kernel_init=unit_norm(), name="input")(one_hot)
+        there = table.mask[..., None]
+        start = jnp.where(there, nn.Dense(config.width, kernel_init=unit_norm(), name="input")(one_hot), 0.0)
         convolution = RelationalConvolution(config.width, name="convolution")
         h = start
         for _ in range(config.layers):
-            h = convolution(jnp.concatenate([h, start], axis=-1), tokens, second)
+            h = jnp.where(there, convolution(jnp.concatenate([h, start], axis=-1), tokens, second), 0.0)
         return nn.Dense(config.output, kernel_init=unit_norm(), name="output")(h[:, 0])

@@ -62,5 +62,8 @@ class TaskEncoder(Protocol):
     """What the networks need of a representation of tasks."""
 
     def __call__(self, table: TaskTable) -> jax.Array:
-        """Encode every row of the table: float32[rows, code_size]."""
+        """Encode every row of the table: float32[rows, code_size].
+
+        What `table.mask` leaves out is not read, also in the middle of a formula: so one sees what a token is for.
+        """
         ...

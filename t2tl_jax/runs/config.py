@@ -10,6 +10,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from t2tl_jax import checks
 from t2tl_jax.env import EnvConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig
+from t2tl_jax.task_env import Labels
 from t2tl_jax.training.types import LearnerConfig
 
 
@@ -101,6 +102,12 @@ class Config:
     """Pad formulas to this many tokens; 0 for as many as the longest one has."""
     pool: PoolConfig = field(default_factory=PoolConfig)
     """How the tasks of a family are drawn."""
+    progression: Literal["exact", "paper"] = "exact"
+    """How formulas go on: by the usual rules, or by the paper's definition 2 with its last case, which drops a
+    satisfied proposition and contradicts theorem 1; of the paper's tasks it changes phi_zone_prime only."""
+    labels: Labels = "next"
+    """Which labels a step reads: those of the state it leads to, or those of the state it leaves, as printed. The
+    initial labels then count, and every verdict comes one step later."""
     random_starts: float = 0.0
     """Share of training episodes that start at a random sub-task of the formula (the on-policy form of the paper's
     simultaneous learning); evaluation never does."""

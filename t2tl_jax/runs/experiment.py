@@ -45,7 +45,7 @@ class Experiment:
     @property
     def task_env(self) -> TaskEnv:
         """For evaluation: every episode starts with a whole task."""
-        return TaskEnv(self.env, self.table)
+        return TaskEnv(self.env, self.table, labels=self.config.labels)
 
     def table_at(self, done: int) -> TaskTable:
         """The tasks that are trained on after `done` iterations; they depend on nothing else, so a resumed run goes on
@@ -132,7 +132,7 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
     with explained():
         env = ENVS.maker(config.env)(config.env) if env is None else env
         table, pools = make_table(config, env), make_pools(config, env)
-        training_env = TaskEnv(env, table, config.random_starts)
+        training_env = TaskEnv(env, table, config.random_starts, config.labels)
         make_agent = AGENTS.maker(config.learner)
         agent = make_agent(training_env, config.learner, config.episode_length, config.iterations)
         if pools is not None and agent.restart is None:

@@ -22,7 +22,8 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     """
     if is_family(config.task, env.propositions):
         return _pool(config, env, "evaluation")
-    table = compile_named(config.task, env.propositions, env.alphabet, length=config.task_length or None)
+    length = config.task_length or None
+    table = compile_named(config.task, env.propositions, env.alphabet, length=length, progression=config.progression)
     _check_open(config.task, table)
     return table
 
@@ -87,6 +88,7 @@ def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
             size=pool.size,
             rows=pool.rows,
             length=pool.length,
+            progression=config.progression,
         )
     except TooLargeError as error:
         raise TooLargeError(f"{error}; the fields: pool.length, pool.rows, pool.size") from error

@@ -78,6 +78,7 @@ def matching(config: Config, env: LabelledEnv) -> Config:
         task=task,
         task_length=0 if random else length,
         pool=replace(base.pool, length=length) if random and length else base.pool,
+        progression=config.progression,
         learner=replace(base.learner, network=network),
         seeds=config.seeds,
         run=replace(config.run, gif=False),

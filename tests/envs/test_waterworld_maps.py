@@ -62,6 +62,27 @@ def test_random_starts_keep_their_distances(pool_size, large):
     assert not state.contact.any() and not state.agent_velocity.any()
 
 
+def test_radii_differ_on_the_same_drawn_maps():
+    """Drawn for the largest, so that the radius is all that differs; none of the balls then begins in touch."""
+    largest = (15.0,) * 5 + (37.5,) * 2 + (15.0,)
+
+    def world(scale, **more):
+        radii = (15.0,) * 5 + (15.0 * scale,) * 2 + (15.0,)
+        return WaterWorld(WaterWorldConfig(layout="random", pool_size=0, radii=radii, **more))
+
+    own = world(2.5)
+    reset = jax.jit(jax.vmap(own.reset, in_axes=(0, None)))  # which takes all that differs from the parameters
+    keys = jax.random.split(jax.random.key(0), 16)
+    expected = reset(keys, own.make_params(0))
+    for scale in (1.0, 1.5, 2.5):
+        params = world(scale, map_radii=largest).make_params(0)
+        np.testing.assert_array_equal(params.ball_radius[4:], np.float32([15, 15 * scale, 15 * scale, 15]))
+        state = reset(keys, params)
+        np.testing.assert_array_equal(state.obs, expected.obs)
+        assert not state.pipeline_state.contact.any()
+    assert (reset(keys, world(1.0).make_params(0)).obs != expected.obs).any()
+
+
 @pytest.mark.slow
 def test_drawn_maps_are_distributed_like_numbered_ones():
     """Means and spreads over many maps, for the first and the last ball, which the earlier ones push around."""
@@ -129,6 +150,8 @@ def test_parameters_can_differ_within_a_batch():
         ({"map_number": -1}, "map_number is -1; maps are numbered from 0"),
         ({"pool_size": -1}, "0 \\(no pool\\) or more"),
         ({"radii": (15.0,)}, "radii has 1 entries for 8 colours"),
+        ({"map_radii": (15.0,)}, "map_radii has 1 entries for 8 colours"),
+        ({"map_radii": (200.0,) * 8}, "does not fit"),
         ({"time_step": 0.0}, "must be positive"),
         ({"ball_speed": -1.0}, "must not be negative"),
         ({"velocity_limit": 0.0}, "velocity_limit is 0"),

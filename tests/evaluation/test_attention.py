@@ -7,13 +7,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from flax import linen as nn
 from scipy import stats
 
 from t2tl_jax.env import State
 from t2tl_jax.evaluation import attention as reading
 from t2tl_jax.evaluation.attention import Attention, Met, Removal
 from t2tl_jax.ltl import compile_tasks
-from t2tl_jax.networks.task_encoders import TransformerTaskEncoder
+from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.networks.rgcn import RGCNConfig, operands, second_operand
+from t2tl_jax.networks.task_encoders import TransformerTaskEncoder, make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig, sinusoidal_positions
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.types import Agent
@@ -91,6 +94,7 @@ def test_agreement_is_a_rank_correlation():
     attention = Attention(("a", "b", "c"), np.array([[0.5, 0.2, 0.3]]))
     assert Removal(np.array([9.0, 0.1, 1.0]), np.zeros(3), 1, True).agreement(attention) == pytest.approx(1.0)
     effect = Removal(np.zeros(3), np.array([1.0, 3.0, 2.0]), 1, True)
+    assert effect.strongest is None
     assert effect.agreement(attention, "policy") is None
     assert effect.agreement(attention, "value") == pytest.approx(-1.0)
 
@@ -114,6 +118,58 @@ def test_an_encoder_that_reads_padding_goes_on_reading_it():
     codes = reading.codes_without_tokens(encoder, params, table, 2)
     assert codes.shape == (10, 4)
     np.testing.assert_allclose(codes[0], encoder.apply({"params": params}, table)[2], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "config",
+    [RGCNConfig(width=8, layers=4, output=4), pytest.param(GRUConfig(width=8, output=4), marks=pytest.mark.slow)],
+)
+def test_encoders_without_attention_are_read_by_removal(config):
+    """Every token of the graph network and of the recurrent one has its effect, and masking takes away that one."""
+    encoder = make_task_encoder(config)
+    table = compile_tasks(TASK, PROPOSITIONS, "at_most_one")  # with padding behind the 9 tokens
+    params = jax.jit(encoder.init)(jax.random.key(0), table)["params"]
+    encode = jax.jit(lambda table: encoder.apply({"params": params}, table))
+    codes = reading.codes_without_tokens(encoder, params, table, 2)
+    assert codes.shape == (10, 4)
+    np.testing.assert_allclose(codes[0], encode(table)[2], atol=1e-6)
+    assert np.abs(codes[1:] - codes[0]).max(-1).min() > 1e-4
+    # What stands at a masked place must not matter, if it has as many operands; what it was must.
+    black, other = table.tokens[2, 4], table.tokens[2, 2]
+    elsewhere = dataclasses.replace(table, tokens=table.tokens.at[2, 4].set(other), mask=table.mask.at[2, 4].set(False))
+    assert black != other
+    np.testing.assert_allclose(codes[1 + 4], encode(elsewhere)[2], atol=1e-6)
+    with pytest.raises(ValueError, match="has none; removal reads it too"):
+        reading.attention_received(encoder, params, table, 2)
+
+
+def test_a_removed_node_takes_what_hangs_on_it_along():
+    """Without the second until (5), no token below it (6 to 8) changes anything; without the first, none at all."""
+    encoder = make_task_encoder(RGCNConfig(width=8, layers=4, output=4))
+    table = compile_tasks(TASK, PROPOSITIONS, "at_most_one")
+    params = jax.jit(encoder.init)(jax.random.key(0), table)["params"]
+    encode = jax.jit(lambda mask: encoder.apply({"params": params}, dataclasses.replace(table, mask=mask))[2])
+    tokens = table.tokens[2]
+    assert tokens.shape[0] == 14 and operands(tokens)[5] == 2 and second_operand(tokens)[5] == 8
+    without_until = table.mask.at[2, 5].set(False)
+    for below in (6, 7, 8):
+        np.testing.assert_array_equal(encode(without_until.at[2, below].set(False)), encode(without_until))
+    assert np.abs(encode(without_until.at[2, 4].set(False)) - encode(without_until)).max() > 1e-4
+    without_root = table.mask.at[2, 0].set(False)
+    np.testing.assert_array_equal(encode(without_root.at[2, 4].set(False)), encode(without_root))
+
+
+class Blind(nn.Module):
+    """Reads tokens, and does not care what is masked."""
+
+    def __call__(self, table):
+        return table.tokens.astype(jnp.float32)
+
+
+def test_an_encoder_that_ignores_the_mask_cannot_be_read():
+    table = compile_tasks(TASK, PROPOSITIONS, "at_most_one")
+    with pytest.raises(ValueError, match="Blind gives the same code whatever token is masked"):
+        reading.codes_without_tokens(Blind(), {}, table, 2)
 
 
 class ClockEnv(ProbeEnv):

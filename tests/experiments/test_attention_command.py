@@ -2,16 +2,13 @@
 
 import dataclasses
 from pathlib import Path
-from types import SimpleNamespace
 
-import jax.numpy as jnp
 import pytest
 
 from experiments import attention
-from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import train
 
 TRAINED = Path(__file__).parents[1] / "runs" / "run_of_0_1"
 """Two seeds of zone_ppo_closed_form; nothing may be written there."""
@@ -49,39 +46,18 @@ def test_a_run_without_checkpoint_cannot_be_read(run, capsys):
     assert "no complete checkpoint" in capsys.readouterr().err
 
 
-def test_other_encoders_have_no_attention(run, capsys):
+def test_codes_without_tokens_cannot_be_read(run, capsys):
     learner = named_config("zone_ppo").learner
-    learner = dataclasses.replace(learner, network=dataclasses.replace(learner.network, task_encoder=GRUConfig()))
-    assert attention.main([str(run(learner=learner))]) == 2
+    learner = dataclasses.replace(learner, network=dataclasses.replace(learner.network, task_encoder=OneHotConfig()))
+    assert attention.main([str(run(learner=learner, pretrained=""))]) == 2
     message = capsys.readouterr().err
-    assert "with a GRUConfig, which has no attention" in message
+    assert "by OneHotConfig, which reads no tokens" in message
     assert "zone_ppo" in message and "rm_water" not in message
 
 
 def test_only_runs_can_be_read(tmp_path, capsys):
     assert attention.main([str(tmp_path / "nothing")]) == 2
     assert "there is no folder" in capsys.readouterr().err
-
-
-def test_start_of_a_run_with_pretrained_encoder(run, tmp_path, monkeypatch, capsys):
-    """That encoder if it can be read; else a new network, and the picture says so."""
-    source = run_folder.create(tmp_path / "source", named_config("pretrain_zone"), {}).path
-    folder, config = run_folder.open_existing(run(pretrained=str(source), seeds="2"))
-    fresh = {"params": {"task_encoder": {"w": jnp.zeros(2)}, "actor": {"w": jnp.zeros(3)}}}
-    origin, params = attention._start(folder, config, 1, fresh)
-    assert origin.startswith("new network") and params is fresh
-    assert "no complete checkpoint" in capsys.readouterr().out
-
-    def load(path):
-        assert str(path) == str(source)
-        encoders = jnp.array([[7.0, 7.0], [1.0, 1.0]])
-        return SimpleNamespace(params={"params": {"task_encoder": {"w": encoders}}}, seeds=(0, 1))
-
-    monkeypatch.setattr(train, "load", load)
-    origin, params = attention._start(folder, config, 1, fresh)
-    assert origin == "pre-trained encoder"
-    assert (params["params"]["task_encoder"]["w"] == 1).all()  # of this seed
-    assert (params["params"]["actor"]["w"] == 0).all()
 
 
 def test_a_family_is_too_many_formulas_to_read(capsys):

@@ -46,6 +46,16 @@ def test_what_is_not_known_is_a_dash(incomplete, capsys):
     assert "p=-" in shown and "a test needs two seeds of each run or more, got 0 and 12" in shown
 
 
+def test_violations_are_reported(metrics, incomplete, capsys):
+    """Mean over seeds of the last part: of phi_safe and its like, success alone does not say how the rest went."""
+    text = metrics.read_text().replace(",0,4,1.0,0,", ",0,4,0.5,0.25,").replace(",1,2,1.0,0,", ",1,2,0.5,0.25,")
+    metrics.write_text(text)
+    assert main([str(incomplete), "--last", "0.01"]) == 0
+    header, line = capsys.readouterr().out.splitlines()[:2]
+    at = header.index("violation")
+    assert line[at:].split()[0] == "0.250"
+
+
 def test_a_run_given_twice_counts_once(capsys):
     run = str(RESULTS / "t2tl")
     assert main([run, f"{run}/../t2tl", str(RESULTS / "gnn"), "--pairs", "True"]) == 0

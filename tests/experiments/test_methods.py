@@ -1,5 +1,7 @@
 """Methods by name: what they switch, and that nothing else changes."""
 
+from dataclasses import replace
+
 import pytest
 
 from experiments import methods
@@ -11,6 +13,7 @@ from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs.differences import differences
+from t2tl_jax.runs.experiment import build
 from tests.fake_learner import CONFIG
 
 NETWORK = ("task_encoder", "freeze_task_encoder", "context")
@@ -84,3 +87,18 @@ def test_methods_on_the_command_line():
 def test_other_learners_have_no_methods():
     with pytest.raises(UserError, match="those of the paper's learners, PPO and DQN; this one is FakeConfig"):
         methods.apply(CONFIG, "t2tl")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(methods.METHODS))
+def test_every_method_takes_phi_safe(name):
+    """Configuration, table and network fit each other; beyond them phi_safe is phi_zone with two open rows."""
+    config = methods.apply(named_config("zone_ppo_safe"), name)
+    assert config.task == "phi_safe"
+    network = config.learner.network
+    if not isinstance(network.task_encoder, OneHotConfig):
+        network = replace(network, task_encoder=replace(network.task_encoder, layers=1))
+    learner = replace(config.learner, network=network, num_envs=4, unroll_length=8, minibatch_size=16, epochs=1)
+    env = replace(config.env, physics="closed_form")
+    experiment = build(replace(config, env=env, learner=learner, frames=32, seeds="2"))
+    assert experiment.table.num_rows == 4 and experiment.params_shapes["params"]

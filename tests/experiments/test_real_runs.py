@@ -190,8 +190,9 @@ def test_dqn_trains_evaluates_and_draws(train):
 
 
 def can_be_read(folder):
-    """The attention of its second seed; `tests/evaluation/test_attention.py` checks the numbers."""
-    assert attention.main([str(folder), "--seed", "1", "--checkpoint", "latest", "--episodes", "4"]) == 0
+    """The attention of its second seed, and of all; `tests/evaluation/test_attention.py` checks the numbers."""
+    flags = ["--seed", "1", "--checkpoint", "latest", "--episodes", "4", "--all-seeds", "True"]
+    assert attention.main([str(folder), *flags]) == 0
     assert (folder / "attention.png").stat().st_size > 10_000
     read = json.loads((folder / "attention.json").read_text())
     assert np.shape(read["attention_end"]["by_head"]) == (8, len(read["tokens"]))
@@ -206,6 +207,12 @@ def can_be_read(folder):
         assert not weights["relative_change"].any()
     assert read["observations"] == 4 and read["observations_met_in_row"]
     assert min(read["removal_policy"]) >= 0 and max(read["removal_policy"]) > 0
+    for stage in ("start", "end"):
+        over_seeds = read["over_seeds"][stage]
+        assert over_seeds["seeds"] == [0, 1] and over_seeds["tokens"] == read["tokens"]
+        assert sum(share["value"] for share in over_seeds["first"].values()) == pytest.approx(1.0)
+    lines = (folder / "attention.csv").read_text().splitlines()
+    assert len(lines) == 1 + 2 * 2 * 3  # stages, seeds, sub-tasks of phi_zone
 
 
 def test_only_zones_have_a_choice_of_physics(tmp_path, capsys):

@@ -12,8 +12,8 @@ from t2tl_jax.ltl.compiler.diagrams import Diagrams
 from t2tl_jax.ltl.compiler.display import Display, Tokens
 from t2tl_jax.ltl.compiler.minimise import merge, settle
 from t2tl_jax.ltl.compiler.normal_form import negation_normal_form
-from t2tl_jax.ltl.compiler.states import Leaves, Progression, State
-from t2tl_jax.ltl.errors import no_formulas, unknown_proposition
+from t2tl_jax.ltl.compiler.states import EXACT, PAPER, PROGRESSIONS, Leaves, Progression, State
+from t2tl_jax.ltl.errors import LTLError, nearest, no_formulas, unknown_proposition
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.tokens import decode
@@ -74,8 +74,14 @@ def build(
     alphabet: str = EVERY_SUBSET,
     *,
     max_rows: int = MAX_ROWS,
+    progression: str = EXACT,
 ) -> Automaton:
     """Compile tasks to one automaton; `compile_tasks` documents the arguments and errors."""
+    if progression not in PROGRESSIONS:
+        raise LTLError(
+            f"unknown progression {progression!r}; known: {', '.join(PROGRESSIONS)}"
+            f"{nearest(str(progression), PROGRESSIONS)}"
+        )
     tasks = [formulas] if isinstance(formulas, str | Formula) else list(formulas)
     normal = [negation_normal_form(parse(task) if isinstance(task, str) else task) for task in tasks]
     names, used = check_names(normal, propositions, alphabet)
@@ -83,7 +89,7 @@ def build(
     core = Core([names[index] for index in used])
     roots = [core.add(formula) for formula in normal]
 
-    explored = _explore(core, roots, alphabet, budget)
+    explored = _explore(core, roots, alphabet, budget, progression == PAPER)
     diagrams, diagram_of = explored.diagrams, explored.diagram_of
     good, bad = settle({state: diagrams.leaves(node) for state, node in diagram_of.items()})
     classes = merge(diagrams, diagram_of, good, bad)
@@ -125,13 +131,13 @@ class _Explored:
     """Per task (a core number), its first state."""
 
 
-def _explore(core: Core, roots: list[int], alphabet: str, budget: Budget) -> _Explored:
+def _explore(core: Core, roots: list[int], alphabet: str, budget: Budget, drops: bool) -> _Explored:
     """Close the tasks under progression, breadth first; each task has its own atoms, all share the diagrams."""
     diagrams = Diagrams(alphabet, budget)
     leaves = Leaves(diagrams)
     explored = _Explored(diagrams, leaves.state_of, {0: 0, 1: 1}, {}, {})
     for root in dict.fromkeys(roots):
-        progression = Progression(core, root, leaves, budget)
+        progression = Progression(core, root, leaves, budget, drops)
         queue = [progression.leaf_of(progression.root)]
         explored.start[root] = queue[0]
         for state in queue:

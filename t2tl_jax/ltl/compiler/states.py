@@ -13,6 +13,10 @@ from t2tl_jax.ltl.compiler.diagrams import LEAF, Diagrams
 State = frozenset[int]
 """Terms of a disjunction."""
 
+EXACT, PAPER = "exact", "paper"
+PROGRESSIONS = (EXACT, PAPER)
+"""The usual rules, or the same with the last case of the paper's definition 2; see `Progression`."""
+
 TRUE_STATE: State = frozenset((0,))
 FALSE_STATE: State = frozenset()
 
@@ -28,6 +32,12 @@ class Leaves:
 class Progression:
     """The atoms, states and diagrams of one task.
 
+    With `drops`, progression is the paper's with the last case of its definition 2: a satisfied proposition is dropped.
+    We read it so: when a letter satisfies a proposition that `g` asks for now, and leaves something of `g` to be done,
+    `f U g` becomes that rest alone. The usual rule keeps `f U g` as a second chance: `prog(g) | (prog(f) & (f U g))`.
+    The paper's own theorem 1 (a word satisfies a formula exactly when its rest satisfies the progressed one) needs the
+    second chance, so that the two contradict each other.
+
     Attributes:
         atoms: the core number of each atom.
         closure: per atom, the bits of all atoms that it implies, its own included.
@@ -35,8 +45,8 @@ class Progression:
         root: the state that the task starts in.
     """
 
-    def __init__(self, core: Core, root: int, leaves: Leaves, budget: Budget) -> None:
-        self.core, self.diagrams, self.budget = core, leaves.diagrams, budget
+    def __init__(self, core: Core, root: int, leaves: Leaves, budget: Budget, drops: bool = False) -> None:
+        self.core, self.diagrams, self.budget, self.drops = core, leaves.diagrams, budget, drops
         self._state_of_leaf = leaves.state_of
         self._leaf_of_state: dict[State, int] = {FALSE_STATE: 0, TRUE_STATE: 1}
         self._memo: dict[tuple[bool, int, int], int] = {}
@@ -167,13 +177,32 @@ class Progression:
         elif kind == NEXT:
             node = self.leaf_of(self.state_of(args[0]))
         elif kind == EVENTUALLY:
-            node = self._apply(False, self._diagram(args[0]), self.leaf_of(self.state_of(number)))
+            node = self._fulfil(args[0], self.leaf_of(self.state_of(number)))
         else:
             assert kind == UNTIL
             stays = self._apply(True, self._diagram(args[0]), self.leaf_of(self.state_of(number)))
-            node = self._apply(False, self._diagram(args[1]), stays)
+            node = self._fulfil(args[1], stays)
         self._diagram_of[number] = node
         return node
+
+    def _fulfil(self, right: int, stays: int) -> int:
+        """Return the diagram of `prog(right) | stays`; with `drops`, without `stays` where `right` has begun."""
+        now = self._diagram(right)
+        if self.drops:
+            not_begun = 1
+            for proposition in self._asked_now(right):
+                not_begun = self._apply(True, not_begun, self.diagrams.node(proposition, 1, 0))
+            is_false = dict.fromkeys(self.diagrams.leaves(now), 0) | {0: 1}
+            may_stay = self._apply(False, not_begun, self.diagrams.relabel(now, is_false, {}))
+            stays = self._apply(True, stays, may_stay)
+        return self._apply(False, now, stays)
+
+    def _asked_now(self, number: int) -> list[int]:
+        """Return the propositions that a formula asks for in the present: positive, below no temporal operator."""
+        kind, args = self.core.kind[number], self.core.args[number]
+        if kind in (AND, OR):
+            return sorted({proposition for arg in args for proposition in self._asked_now(arg)})
+        return [args[0]] if kind == LITERAL and args[1] else []
 
     def leaf_of(self, state: State) -> int:
         """Return the leaf that stands for a state of this task."""
