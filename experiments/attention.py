@@ -29,8 +29,8 @@ class Arguments:
     """A sub-task instead of the whole task: its row in the table that python -m t2tl_jax.ltl shows."""
     seed: int | None = None
     """Which of the run's seeds; the first one by default."""
-    checkpoint: Literal["best", "latest"] = "best"
-    """The parameters with the highest discounted return in training, or the latest ones."""
+    which: Literal["final", "best"] = "final"
+    """The parameters at the end of training, or those that did best in episodes played to choose between them."""
     layers: tuple[int, ...] = ()
     """Layers, from 0, whose weights are averaged; all by default."""
     queries: Literal["all", "root"] = "all"
@@ -83,7 +83,7 @@ def _read(arguments: Arguments) -> None:
         raise UserError(_no_attention(reader))
     compilation_cache.use(config.run.compilation_cache)
     changes: dict[str, Any] = {} if arguments.task is None else {"task": arguments.task}
-    result = train.load(arguments.run, checkpoint=arguments.checkpoint, **changes)
+    result = train.load(arguments.run, **changes)
     index = result.index(arguments.seed)
     seed, experiment, config = result.seeds[index], result.experiment, result.config
     if experiment.pools is not None:
@@ -92,10 +92,10 @@ def _read(arguments: Arguments) -> None:
         )
     agent, table = experiment.agent, experiment.table
     row = _row(arguments.row, table)
-    env_params = experiment.env_params(training=False)
+    env_params = experiment.env_params("evaluation")
     env_params = dataclasses.replace(env_params, env=of_seed(env_params.env, index))
 
-    end = of_seed(result.params, index)
+    end = of_seed(result.params[arguments.which], index)
     begin = jax.jit(lambda key: agent.init(key, env_params).params)(stream_keys([seed], TRAINING)[0])
     origin, start = _start(folder, config, seed, begin)
     encoder = TransformerTaskEncoder(reader)
@@ -115,14 +115,14 @@ def _read(arguments: Arguments) -> None:
     unit = "KL divergence (nats)" if continuous else "share of greedy actions that change"
     stages = {
         "start": f"start of training ({origin})",
-        "end": f"{arguments.checkpoint}, iteration {result.iteration:,}",
+        "end": f"{arguments.which}, iteration {result.iteration:,}",
     }
     what = {
         "task": config.task,
         "row": row,
         "formula": table.text(row),
         "seed": seed,
-        "checkpoint": arguments.checkpoint,
+        "checkpoint": arguments.which,
         "iteration": result.iteration,
         **stages,
         "layers": list(arguments.layers) or "all",
@@ -150,7 +150,7 @@ def _start(folder: Any, config: Any, seed: int, fresh: Any) -> tuple[str, Any]:
         return "new network", fresh
     try:
         first = train.load(folder.path / pretraining.FOLDER if pretraining.is_auto(config) else config.pretrained)
-        encoder = transfer.task_encoder(first.params, transfer.seed_index(first.seeds, (seed,)))
+        encoder = transfer.task_encoder(first.params["best"], transfer.seed_index(first.seeds, (seed,)))
     except UserError as error:
         print(f"note: the start is drawn for a new network, since its pre-trained encoder cannot be read: {error}")
         return "new network, before the pre-trained encoder", fresh

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
-TRAINING, EVALUATION, ANIMATION = 1, 2, 3
+TRAINING, EVALUATION, ANIMATION, SELECTION = 1, 2, 3, 4
 """Names of the key streams of a seed. Adding a stream does not move the others."""
 
 

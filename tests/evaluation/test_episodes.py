@@ -7,7 +7,7 @@ import pytest
 
 from t2tl_jax.env import State
 from t2tl_jax.evaluation.curves import sparkline
-from t2tl_jax.evaluation.episodes import Episodes, evaluate_seeds, play
+from t2tl_jax.evaluation.episodes import Episodes, play, player_of_seeds
 from t2tl_jax.evaluation.report import summarise, table
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
@@ -56,8 +56,9 @@ def env() -> TaskEnv:
 @pytest.fixture(scope="module")
 def played(env) -> Episodes:
     seeds = (0, 4)
-    given, keys = params_of_seeds(env, seeds, training=False), stream_keys(seeds, EVALUATION)
-    return evaluate_seeds(env, IDLE, jnp.zeros(2), given, keys, 2000, 40, 0.9, deterministic=True)
+    given, keys = params_of_seeds(env, seeds, purpose="evaluation"), stream_keys(seeds, EVALUATION)
+    played = player_of_seeds(env, IDLE, 2000, 40, 0.9, deterministic=True)(jnp.zeros(2), given, keys)
+    return jax.device_get(played)
 
 
 def test_rates_are_those_of_the_environment(played):
