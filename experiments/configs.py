@@ -14,7 +14,7 @@ from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import register_config
-from t2tl_jax.runs.config import Config, PoolConfig
+from t2tl_jax.runs.config import Config, PoolConfig, SelectionConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig
 
 # The short schedule: small iterations and few environments. Chosen on seeds from 100 on; see docs/results.md.
@@ -142,6 +142,8 @@ PRETRAINING = Config(
     pool=PoolConfig(size=16, period=8, rows=192, length=40),
     frames=500_000,
     convergence=ConvergenceConfig(window=20),
+    # Its short episodes cost little, and it is the best encoder that is handed on.
+    selection=SelectionConfig(episodes=128),
     episode_length=single_state.EPISODE_LENGTH,
 )
 

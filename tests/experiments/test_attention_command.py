@@ -36,7 +36,7 @@ def run(tmp_path):
         (["--episodes", "0"], "--episodes must be at least 1"),
         (["--output", "x.json"], "give a name that ends in .png, got x.json"),
         (["--output", "x.tiff"], "give a name that ends in .png, got x.tiff"),
-        (["--which", "last"], "invalid choice"),
+        (["--which", "finl"], "did you mean 'final'"),
     ],
 )
 def test_mistakes_are_explained(flags, said, capsys):
@@ -75,7 +75,7 @@ def test_start_of_a_run_with_pretrained_encoder(run, tmp_path, monkeypatch, caps
     def load(path):
         assert str(path) == str(source)
         encoders = jnp.array([[7.0, 7.0], [1.0, 1.0]])
-        return SimpleNamespace(params={"params": {"task_encoder": {"w": encoders}}}, seeds=(0, 1))
+        return SimpleNamespace(params={"best": {"params": {"task_encoder": {"w": encoders}}}}, seeds=(0, 1))
 
     monkeypatch.setattr(train, "load", load)
     origin, params = attention._start(folder, config, 1, fresh)

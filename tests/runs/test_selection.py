@@ -13,7 +13,7 @@ from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.runs.selection import Scores, Selected, Selection
 from tests import fake_learner
 
-CONFIG = dataclasses.replace(fake_learner.CONFIG, seeds="2")  # 100 frames an iteration
+CONFIG = dataclasses.replace(fake_learner.CONFIG, seeds="2", selection=SelectionConfig())  # 100 frames an iteration
 
 
 def config(iterations, **changes):
