@@ -131,9 +131,9 @@ class Selection:
         """Whether the parameters behind an iteration are to be scored."""
         return iteration in self._points and (len(self._points) > 1 or self.best is not None)
 
-    def expects(self, done: int) -> bool:
-        """Whether any parameters behind later iterations than `done` are."""
-        return any(self.competes(point) for point in self._points if point > done)
+    def is_near(self, iteration: int) -> bool:
+        """Whether half of the way to the next parameters that are to be scored is done: time to compile for it."""
+        return any(self.competes(point) for point in self._points if iteration <= point <= 2 * iteration)
 
     def add(self, iteration: int, params: Params, scores: Scores) -> None:
         """Let parameters compete."""

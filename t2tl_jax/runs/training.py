@@ -158,8 +158,6 @@ class Training:
         """Compile, beside the pre-training of a new run if it has one, and make its first state."""
         experiment, program, fresh = self.experiment, self.experiment.program, state is None
         compilation, encoder = experiment.compilation(fresh), None
-        if self.selection.expects(self.progress.done):
-            self.scorer = Scorer(experiment)  # compiles beside it, and nobody waits for it before the first point
         try:
             if fresh and self.pretrain is not None:
                 first = self.pretrain()
@@ -168,7 +166,6 @@ class Training:
             compiled = self.stop.call(compilation.result, "while compiling")
         except BaseException:
             self.stop.abandon(compilation.thread)
-            self._abandon_scorer()
             raise
         self.progress.compile_seconds = compiled.seconds
         if fresh:
@@ -183,6 +180,8 @@ class Training:
 
     def _select(self, iteration: int, state: Any) -> None:
         """Let the parameters behind an iteration compete, if it is one of the points."""
+        if self.scorer is None and self.selection.is_near(iteration):
+            self.scorer = Scorer(self.experiment)  # compiles beside the training, which does not wait for it yet
         if self.scorer is not None:
             self.scorer.check()
             if self.selection.competes(iteration):

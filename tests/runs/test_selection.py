@@ -67,11 +67,12 @@ def test_what_is_selected_is_a_copy():
 
 def test_one_point_alone_needs_no_score_and_what_lies_before_the_first_point_is_forgotten():
     single = config(10, selection=SelectionConfig(points=1))
-    assert not Selection(single).expects(0)
+    assert not any(Selection(single).is_near(iteration) for iteration in range(11))
     earlier = Selected({"w": np.zeros((2, 3))}, scores((1.0, 1.0)), np.array([4, 8]))
     assert Selection(config(8), dataclasses.replace(earlier, iteration=np.array([5, 8]))).best is not None
     assert Selection(config(8), earlier).best is None
-    assert not Selection(config(9, selection=SelectionConfig(points=0))).expects(0)
+    assert not Selection(config(9, selection=SelectionConfig(points=0))).is_near(9)
+    assert [Selection(config(10)).is_near(iteration) for iteration in (1, 2, 3, 10)] == [False, False, True, True]
 
 
 # ----- in a run -----
