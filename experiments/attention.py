@@ -33,8 +33,8 @@ class Arguments:
     all_seeds: bool = False
     """Also read every seed at the start and at the end of training, in every sub-task: token*, the token that the
     policy needs, whether they agree, and what is entered first; as a table (.csv) and summed up (.json)."""
-    checkpoint: Literal["best", "latest"] = "best"
-    """The parameters with the highest discounted return in training, or the latest ones."""
+    which: Literal["final", "best"] = "final"
+    """The parameters at the end of training, or those that did best in episodes played to choose between them."""
     layers: tuple[int, ...] = ()
     """Layers, from 0, whose weights are averaged; all by default."""
     queries: Literal["all", "root"] = "all"
@@ -86,7 +86,7 @@ def _read(arguments: Arguments) -> None:
         raise UserError(_no_tokens(kind))
     compilation_cache.use(config.run.compilation_cache)
     changes: dict[str, Any] = {} if arguments.task is None else {"task": arguments.task}
-    result = train.load(arguments.run, checkpoint=arguments.checkpoint, **changes)
+    result = train.load(arguments.run, **changes)
     index = result.index(arguments.seed)
     seed, experiment, config = result.seeds[index], result.experiment, result.config
     if experiment.pools is not None:
@@ -95,10 +95,10 @@ def _read(arguments: Arguments) -> None:
         )
     table = experiment.table
     row = _row(arguments.row, table)
-    env_params = experiment.env_params(training=False)
+    env_params = experiment.env_params("evaluation")
     env_params_of = [replace(env_params, env=seed_slice(env_params.env, k)) for k in range(len(result.seeds))]
 
-    end = result.params
+    end = result.params[arguments.which]
     begun = start_params(result)
     if begun.problem:
         print(f"note: the start is drawn for a new network, since its pre-trained encoder is missing: {begun.problem}")
@@ -119,14 +119,14 @@ def _read(arguments: Arguments) -> None:
     unit = "KL divergence (nats)" if continuous else "share of greedy actions that change"
     stages = {
         "start": f"start of training ({begun.origin})",
-        "end": f"{arguments.checkpoint}, iteration {result.iteration:,}",
+        "end": f"{arguments.which}, iteration {result.iteration:,}",
     }
     what = {
         "task": config.task,
         "row": row,
         "formula": table.text(row),
         "seed": seed,
-        "checkpoint": arguments.checkpoint,
+        "checkpoint": arguments.which,
         "iteration": result.iteration,
         **stages,
         "layers": list(arguments.layers) or "all",

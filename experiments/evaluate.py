@@ -24,8 +24,8 @@ class Arguments:
     """Folder of the run."""
     episodes: int = 1000
     """Episodes per seed and policy; of the deterministic one a single one per task where all would be the same."""
-    checkpoint: Literal["best", "latest"] = "best"
-    """The parameters with the highest discounted return in training, or the latest ones."""
+    which: Literal["both", "final", "best"] = "both"
+    """The parameters at the end of training, those that did best in episodes played to choose between them, or both."""
     task: str | None = None
     """Another task, by name or as a formula; the run's own by default."""
     physics: Literal["mjx", "closed_form"] | None = None
@@ -73,17 +73,25 @@ def _evaluate(arguments: Arguments) -> None:
     folder, stored = open_existing(arguments.run)
     evaluations.stored(folder)  # tells of a damaged file before the work
     compilation_cache.use(stored.run.compilation_cache)
-    result = train.load(arguments.run, checkpoint=arguments.checkpoint, **_changes(stored, arguments))
-    what = evaluations.settings(folder, result.experiment, arguments.checkpoint, result.iteration, arguments.episodes)
-    print("  ".join(f"{name}: {value}" for name, value in what.items()), flush=True)
+    result = train.load(arguments.run, **_changes(stored, arguments))
+    chosen = evaluations.WHICH if arguments.which == "both" else (arguments.which,)
+    length = result.config.episode_length
+
+    def settings(which: Any) -> Any:
+        return evaluations.settings(folder, result.experiment, which, result.iteration, arguments.episodes)
+
+    shown = settings(arguments.which)
+    print("  ".join(f"{name}: {value}" for name, value in shown.items()), flush=True)
     reader = stored.learner.task_encoder
     if result.config.task != stored.task and reader is not None and not reader.learned:
         print("note: a one-hot code does not carry over to another task; its rows now mean other sub-tasks")
-    reports = result.evaluate(episodes=arguments.episodes)
-    print(table(reports, final=arguments.checkpoint == "latest"), flush=True)
-    evaluations.store(folder, what, reports)
+    params = {which: result.params[which] for which in chosen}
+    reports = evaluations.evaluate_policies(result.experiment, params, arguments.episodes, length)
+    print(table(evaluations.lines(reports)), flush=True)
+    for which, report in reports.items():
+        evaluations.store(folder, settings(which), report)
     print(f"stored: {folder.evaluation}", flush=True)
-    if arguments.gif and evaluations.draw_episode(result.experiment, result.params, folder):
+    if arguments.gif and evaluations.draw_episode(result.experiment, result.params[chosen[0]], folder):
         print(f"drawn: {folder.gif}")
 
 

@@ -105,17 +105,18 @@ def _conclude(result: Any, stop: Any) -> None:
     def evaluate() -> None:
         if not (finished and episodes):
             return
-        print(f"evaluating the best parameters, {episodes} episodes per seed and policy", flush=True)
-        reports = result.evaluate(episodes=episodes)
-        print(table(reports), flush=True)
+        print(f"evaluating the final and the best parameters, {episodes} episodes per seed and policy", flush=True)
+        reports = evaluations.evaluate_policies(experiment, result.params, episodes, config.episode_length)
+        print(table(evaluations.lines(reports)), flush=True)
         with _noted("the evaluation is not stored"):
-            what = evaluations.settings(run, experiment, "best", result.iteration, episodes)
-            evaluations.store(run, what, reports)
+            for which, report in reports.items():
+                what = evaluations.settings(run, experiment, which, result.iteration, episodes)
+                evaluations.store(run, what, report)
 
     def draw() -> None:
         if config.run.gif:
             with _noted("no animation"):
-                evaluations.draw_episode(experiment, result.params, run)
+                evaluations.draw_episode(experiment, result.params["final"], run)
 
     def side_by_side() -> None:
         # Most of both is compilation, which leaves cores idle.

@@ -17,9 +17,13 @@ from brax.envs.base import Env, State
 
 from t2tl_jax.view import View
 
-__all__ = ["Alphabet", "EnvConfig", "EnvParams", "LabelledEnv", "State"]
+__all__ = ["Alphabet", "EnvConfig", "EnvParams", "LabelledEnv", "Purpose", "State"]
 
 Alphabet = Literal["at_most_one", "every_subset"]
+
+Purpose = Literal["training", "evaluation", "selection"]
+"""What episodes are played for: to learn, to report how good a policy is, or to choose between parameters. Where maps
+are random, each of them has its own."""
 
 EnvParams = Any  # a pytree of arrays
 
@@ -37,13 +41,12 @@ class LabelledEnv(Env):
     typed keys (``jax.random.key``) and legacy ``uint32[2]`` keys alike, and gives the same state for both.
     """
 
-    def make_params(self, seed: int, training: bool = True) -> EnvParams:
+    def make_params(self, seed: int, purpose: Purpose = "training") -> EnvParams:
         """What varies between the seeds of a run, made on the host; nothing, ``()``, for most environments.
 
         Args:
             seed: number of the seed.
-            training: False for what an evaluation uses: where maps are drawn at random, maps that the training of this
-                seed never had; else the same.
+            purpose: where maps are drawn at random, each purpose has maps of its own; else the same for all.
 
         Returns:
             A pytree of NumPy arrays, of the same structure, shapes and dtypes for every seed.
@@ -51,7 +54,7 @@ class LabelledEnv(Env):
         Raises:
             ValueError: for a seed that the environment has nothing for.
         """
-        del seed, training
+        del seed, purpose
         return ()
 
     @abc.abstractmethod

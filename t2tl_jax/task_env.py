@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from brax.envs.base import Env, State
 from flax import struct
 
-from t2tl_jax.env import EnvParams, LabelledEnv
+from t2tl_jax.env import EnvParams, LabelledEnv, Purpose
 from t2tl_jax.ltl import TaskTable
 
 Labels = Literal["next", "state"]
@@ -84,9 +84,9 @@ class TaskEnv(Env):
         self.random_starts = random_starts
         self.labels = labels
 
-    def make_params(self, seed: int, training: bool = True) -> TaskParams:
+    def make_params(self, seed: int, purpose: Purpose = "training") -> TaskParams:
         """The environment's parameters for a seed, and the table; see `LabelledEnv.make_params`."""
-        return TaskParams(env=self.env.make_params(seed, training), table=self.table)
+        return TaskParams(env=self.env.make_params(seed, purpose=purpose), table=self.table)
 
     def reset(self, rng: jax.Array, params: TaskParams | None = None, turn: jax.Array | None = None) -> State:
         """A fresh layout and one of the table's tasks, of which nothing is progressed yet.

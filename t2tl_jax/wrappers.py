@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from brax.envs.base import Env, State
 from jax.typing import ArrayLike
 
+from t2tl_jax.env import Purpose
 from t2tl_jax.task_env import TaskEnv, TaskParams
 
 
@@ -15,7 +16,7 @@ class TaskInObservation(Env):
     where the row lives, and the observation, so that an episode starts with its task and shows it.
 
     A trainer that knows no `params` gets those of ``make_params(0)``: seed 0's maps of training, in its own evaluation
-    too. For an evaluation on other maps pass ``make_params(seed, training=False)`` to `reset` and `step`.
+    too. For an evaluation on other maps pass ``make_params(seed, "evaluation")`` to `reset` and `step`.
 
     Args:
         env: the environment with its tasks.
@@ -33,9 +34,9 @@ class TaskInObservation(Env):
         self.env = env
         self._codes = codes
 
-    def make_params(self, seed: int, training: bool = True) -> TaskParams:
+    def make_params(self, seed: int, purpose: Purpose = "training") -> TaskParams:
         """Those of the task environment."""
-        return self.env.make_params(seed, training)
+        return self.env.make_params(seed, purpose)
 
     def reset(self, rng: jax.Array, params: TaskParams | None = None) -> State:
         """The start of an episode of one of the tasks, drawn uniformly."""

@@ -53,8 +53,6 @@ class FakeState:
     opt_state: Any
     key: jax.Array
     iteration: jax.Array
-    best_params: Any
-    best_score: jax.Array
 
 
 def make_agent(
@@ -68,7 +66,7 @@ def make_agent(
         key, params_key = jax.random.split(key)
         params = {"params": {"w": jax.random.normal(params_key, (4, 3)), "task_encoder": {"b": jnp.zeros(3)}}}
         # The iteration is weakly typed on purpose: it must not lead to a second compilation.
-        return FakeState(params, optimizer.init(params), key, jnp.asarray(0), params, jnp.float32(-jnp.inf))
+        return FakeState(params, optimizer.init(params), key, jnp.asarray(0))
 
     def iterate(state: FakeState, env_params: Any) -> tuple[FakeState, Metrics]:
         if delay := float(os.environ.get("FAKE_SECONDS", "0")):
@@ -93,14 +91,11 @@ def make_agent(
             length=10.0 * episodes,
             success_length=7.0 * successes,
         )
-        better = -value > state.best_score
         new = FakeState(
             params=optax.apply_updates(state.params, updates),
             opt_state=opt_state,
             key=key,
             iteration=state.iteration + 1,
-            best_params=jax.tree.map(lambda a, b: jnp.where(better, a, b), state.params, state.best_params),
-            best_score=jnp.maximum(-value, state.best_score),
         )
         return new, Metrics(totals, {"loss": value, "gradient_norm": optax.tree.norm(gradient)})
 

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import experiments.configs  # noqa: F401, so that lists of what is registered begin with what is shipped
 from t2tl_jax.env import EnvConfig, LabelledEnv, State
 from t2tl_jax.registry import register_agent, register_config, register_env
-from t2tl_jax.runs.config import Config, RunConfig
+from t2tl_jax.runs.config import Config, RunConfig, SelectionConfig
 from t2tl_jax.single_state import SingleStateConfig
 from tests.fake_agent import FakeConfig, make_agent
 
@@ -67,6 +67,7 @@ CONFIG = Config(
     learner=FakeConfig(),
     frames=200,
     episode_length=5,
+    selection=SelectionConfig(points=0),
     run=RunConfig(compilation_cache="", progress=False),
 )
 register_config("fake", CONFIG, "the fake learner in the fake environment")

@@ -27,7 +27,7 @@ from envs.waterworld import maps
 from envs.waterworld.config import WaterWorldConfig
 from envs.waterworld.params import Start, WaterWorldParams
 from envs.waterworld.view import make_view
-from t2tl_jax.env import Alphabet, LabelledEnv, State
+from t2tl_jax.env import Alphabet, LabelledEnv, Purpose, State
 from t2tl_jax.view import View
 
 NUM_ACTIONS = 5
@@ -66,12 +66,13 @@ class WaterWorld(LabelledEnv):
         self.config = config or WaterWorldConfig()
         self._maps(self.config.map_number, 1)  # a world in which the balls do not fit is refused here
 
-    def make_params(self, seed: int, training: bool = True) -> WaterWorldParams:
+    def make_params(self, seed: int, purpose: Purpose = "training") -> WaterWorldParams:
         """Sizes and speeds, and the maps that a reset chooses from.
 
         On a fixed layout that is one map, by seed the map of that number, and of a random layout a pool of numbered
         maps that belong to this seed: the training of seed 0 has the first ``pool_size`` maps, its evaluation the next
-        ones, then those of seed 1 follow. With ``pool_size=0`` there are none: a reset draws its own.
+        ones, then those of seed 1 follow; maps to select by have numbers behind those of every seed. With
+        ``pool_size=0`` there are none: a reset draws its own.
 
         Raises:
             ValueError: for a negative seed, and by seed for one that has no map.
@@ -90,7 +91,8 @@ class WaterWorld(LabelledEnv):
         elif config.layout == "by_seed":
             starts = self._maps(seed, 1)
         elif config.pool_size:
-            starts = self._maps((2 * seed + (not training)) * config.pool_size, config.pool_size)
+            block = {"training": 2 * seed, "evaluation": 2 * seed + 1, "selection": 2**33 + seed}[purpose]
+            starts = self._maps(block * config.pool_size, config.pool_size)
         else:
             starts = None
         return WaterWorldParams(

@@ -17,7 +17,7 @@ from envs.zones.point_closed_form import ClosedFormPoint
 from envs.zones.point_mjx import MjxPoint
 from envs.zones.point_robot import PointPhysics, PointState
 from envs.zones.view import make_view
-from t2tl_jax.env import Alphabet, LabelledEnv, State
+from t2tl_jax.env import Alphabet, LabelledEnv, Purpose, State
 from t2tl_jax.view import View
 
 FAILURE_REWARD = -10.0
@@ -32,6 +32,10 @@ class ZoneParams:
     """``float32[m, 3]``: position and heading at the start; or ``float32[m, 2]``, and the heading is drawn."""
     zones: jax.Array | np.ndarray
     """``float32[m, n, 2]``: disc centres in metres."""
+
+
+POOLS: dict[Purpose, int] = {"training": 1, "evaluation": 0, "selection": 2}
+"""What random maps are drawn by, beside the seed."""
 
 
 @struct.dataclass
@@ -74,13 +78,13 @@ class ZoneEnv(LabelledEnv):
         self._lidar_groups = tuple(_positions(colours, letter) for letter in sorted(present))
         self.make_params(0)  # discs that do not fit are refused here
 
-    def make_params(self, seed: int, training: bool = True) -> ZoneParams:
-        """The fixed map, or a pool of random ones: another pool for every seed, and for its evaluation yet another."""
+    def make_params(self, seed: int, purpose: Purpose = "training") -> ZoneParams:
+        """The fixed map, or a pool of random ones: another pool for every seed and purpose."""
         config = self.config
         if config.layout == "fixed":
             start, zones = np.array([layouts.FIXED_START]), np.array([layouts.FIXED_ZONES])
             return ZoneParams(starts=start.astype(np.float32), zones=zones.astype(np.float32))
-        which = (config.pool_seed, seed, int(training))
+        which = (config.pool_seed, seed, POOLS[purpose])
         pool = layouts.sample_layouts(len(config.colour_of_each_disc), config.pool_size, which)
         return ZoneParams(starts=pool.robots, zones=pool.zones)
 

@@ -27,7 +27,6 @@ from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
-from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.optimizer import AdamLearnerConfig, clipped_adam
 from t2tl_jax.training.types import Agent, Metrics, Params, repeated
 from t2tl_jax.training.unroll import Episode, Player, Step, advance, begin, by_task, env_scalars, summed
@@ -136,8 +135,6 @@ class DQNState:
     buffer: Any  # flashbax's state
     key: jax.Array
     iteration: jax.Array  # int32
-    best_params: Params
-    best_score: jax.Array  # float32, of the best iteration so far, see `keep_best`
 
 
 def epsilon(config: DQNConfig, progress: jax.Array) -> jax.Array:
@@ -210,7 +207,6 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         return replace(
             state,
             params=function(state.params),
-            best_params=function(state.best_params),
             target_params=function(state.target_params),
         )
 
@@ -233,8 +229,6 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             buffer=replay.init(blank),
             key=key,
             iteration=jnp.int32(0),
-            best_params=params,
-            best_score=jnp.float32(-jnp.inf),
         )
 
     def interact(
@@ -338,7 +332,6 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             return state, (kept, scalars)
 
         steps = first + jnp.arange(config.unroll_length)
-        params_before = state.params
         state, ((totals, env_metrics, scores), scalars) = jax.lax.scan(
             one_step, state, (steps, jax.random.split(scan_key, config.unroll_length))
         )
@@ -348,18 +341,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             task, score = scores
             scalars |= by_task(totals.episodes, task, score, table.num_tasks)
         totals = summed(totals)
-
-        # Episodes of an iteration are played by parameters between those before and after it; credit the former.
-        best_params, best_score = keep_best(
-            params_before, totals, config.frames_per_iteration, state.best_params, state.best_score
-        )
-        return replace(
-            state,
-            key=key,
-            iteration=state.iteration + 1,
-            best_params=best_params,
-            best_score=best_score,
-        ), Metrics(episodes=totals, scalars=scalars)
+        return replace(state, key=key, iteration=state.iteration + 1), Metrics(episodes=totals, scalars=scalars)
 
     return Agent(
         init=init,

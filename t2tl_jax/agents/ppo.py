@@ -23,7 +23,6 @@ from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.advantages import generalised_advantages
-from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.devices import on_each, over_envs
 from t2tl_jax.training.optimizer import AdamLearnerConfig, clipped_adam
 from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics, Params, repeated
@@ -142,8 +141,6 @@ class PPOState:
     carry: Carry  # the context window of every environment, leading axis [N]; () without context
     key: jax.Array
     iteration: jax.Array  # int32
-    best_params: Params
-    best_score: jax.Array  # float32, of the best rollout so far, see `keep_best`
 
 
 @struct.dataclass
@@ -279,19 +276,16 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             carry=carry,
             key=key,
             iteration=jnp.int32(0),
-            best_params=params,
-            best_score=jnp.float32(-jnp.inf),
         )
 
     def restart(state: PPOState, env_params: TaskParams) -> PPOState:
-        """Episodes under way are dropped: their rows mean nothing in the new table. So do scores on other tasks."""
+        """Episodes under way are dropped: their rows mean nothing in the new table."""
         episodes_key, key = jax.random.split(state.key)
         return replace(
             state,
             episodes=begin_all(env_params, episodes_key),
             carry=network.next_episode(state.carry, jnp.ones(config.num_envs, bool)),
             key=key,
-            best_score=jnp.float32(-jnp.inf),
         )
 
     def collect(
@@ -470,10 +464,6 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             jax.random.split(epochs_key, config.epochs),
         )
 
-        # The rollout scores the parameters that made it, not the ones it led to.
-        best_params, best_score = keep_best(
-            state.params, totals, config.frames_per_iteration, state.best_params, state.best_score
-        )
         new_state = PPOState(
             params=params,
             opt_state=opt_state,
@@ -482,8 +472,6 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             carry=carry,
             key=key,
             iteration=state.iteration + 1,
-            best_params=best_params,
-            best_score=best_score,
         )
         return new_state, Metrics(episodes=totals, scalars=jax.tree.map(jnp.mean, scalars) | env_metrics)
 

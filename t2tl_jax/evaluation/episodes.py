@@ -1,5 +1,7 @@
 """Complete episodes of a fixed policy: a fixed number of them, the first one of every environment."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from flax import struct
@@ -107,25 +109,17 @@ def distinct(env: TaskEnv, episodes: int, deterministic: bool) -> int:
     return min(episodes, env.table.num_tasks) if deterministic and env.env.fixed_start else episodes
 
 
-def evaluate_seeds(
-    env: TaskEnv,
-    agent: Agent,
-    params: Params,
-    env_params: TaskParams,
-    keys: jax.Array,
-    episodes: int,
-    episode_length: int,
-    discount: float,
-    deterministic: bool,
-) -> Episodes:
-    """``play`` for every seed in one program, on the host: ``[seeds, episodes]``.
+def player_of_seeds(
+    env: TaskEnv, agent: Agent, episodes: int, episode_length: int, discount: float, deterministic: bool
+) -> Any:
+    """`play` for every seed as one jitted function, ``(params, env_params, keys) -> Episodes``, ``[seeds, episodes]``.
+
+    The parameters have a leading axis [seeds], those of the environment are of ``params_of_seeds``, and the keys are
+    ``key[seeds]``, of a stream kept for the purpose.
 
     Args:
         env: the environment.
         agent: of which ``embed``, ``begin``, ``act`` and ``remember`` are used.
-        params: with leading axis [seeds].
-        env_params: of ``params_of_seeds(env, seeds, training=False)``.
-        keys: ``key[seeds]``, of the evaluation stream.
         episodes: number of episodes per seed.
         episode_length: time limit in steps.
         discount: gamma of the discounted return.
@@ -135,4 +129,4 @@ def evaluate_seeds(
     def one_seed(params: Params, env_params: TaskParams, key: jax.Array) -> Episodes:
         return play(env, agent, params, env_params, key, episodes, episode_length, discount, deterministic)
 
-    return jax.device_get(jax.jit(jax.vmap(one_seed, (0, OVER_SEEDS, 0)))(params, env_params, keys))
+    return jax.jit(jax.vmap(one_seed, (0, OVER_SEEDS, 0)))

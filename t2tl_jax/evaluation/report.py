@@ -93,12 +93,12 @@ def summarise(episodes: Episodes, seeds: Sequence[int]) -> Report:
     )
 
 
-def table(reports: Mapping[str, Report], final: bool = False) -> str:
+def table(reports: Mapping[str, Report]) -> str:
     """A table to print: one line per policy and seed, and one over the seeds.
 
     Args:
-        reports: by the name of the policy, for instance ``{"deterministic": ..., "sampled": ...}``.
-        final: whether the final parameters played: of these alone it is said that they solve the task.
+        reports: by the name of the policy, for instance ``{"final deterministic": ..., "best sampled": ...}``. Of
+            those whose names begin with "final", the final parameters, alone it is said that they solve the task.
     """
     header = (
         "policy",
@@ -120,7 +120,9 @@ def table(reports: Mapping[str, Report], final: bool = False) -> str:
     text = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
     text.insert(1, "  ".join("-" * width for width in widths))
     for policy, report in reports.items():
-        text.append(f"{policy}: {_above(report, final)}, mean discounted return {report.discounted_return.text()}")
+        text.append(
+            f"{policy}: {_above(report, policy.startswith('final'))}, mean discounted return {report.discounted_return.text()}"
+        )
     if len({seed.success_rate.count for report in reports.values() for seed in report.seeds}) > 1:
         text.append("Where start, dynamics and policy are deterministic, a task's episode repeats; it counts once.")
     text.append("Brackets: 95 % intervals, over the episodes of a seed and, in the lines 'mean', over seeds.")

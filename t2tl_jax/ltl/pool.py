@@ -4,7 +4,7 @@ Training on random formulas takes one pool after another. Since shapes do not ch
 """
 
 import random
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import jax
 import numpy as np
@@ -16,6 +16,7 @@ from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import TooLargeError
 from t2tl_jax.ltl.families import make_sampler
 from t2tl_jax.ltl.formula import Formula
+from t2tl_jax.ltl.languages import Language, languages
 from t2tl_jax.ltl.table import TaskTable
 
 DRAWS_PER_TASK = 50
@@ -32,6 +33,9 @@ def compile_pool(
     rows: int,
     length: int,
     progression: str = EXACT,
+    least: int | None = None,
+    unlike: Collection[Language] = (),
+    without: Collection[Language] = (),
 ) -> TaskTable:
     """Draw `size` different formulas of a family and compile them to one table, on the host.
 
@@ -51,6 +55,9 @@ def compile_pool(
         rows: rows of the table, true and false included.
         length: tokens per row.
         progression: as in `compile_tasks`.
+        least: so few formulas will do where more cannot be found; by default `size`.
+        unlike: no formula means one of these.
+        without: nor does one mean or become one of these.
 
     Raises:
         UnknownTaskError, LTLError: for a family that does not exist or needs more propositions.
@@ -58,23 +65,35 @@ def compile_pool(
     """
     names = tuple(propositions)
     draw, rng = make_sampler(family, names), random.Random(f"{family} {seed}")
-    builder = _Builder(names, alphabet, rows, length, progression)
+    builder = _Builder(names, alphabet, rows, length, progression, frozenset(unlike), frozenset(without))
     for _ in range(DRAWS_PER_TASK * size):
         if len(builder.initial_row) == size:
             return builder.table()
         builder.add(draw(rng))
+    if len(builder.initial_row) >= (size if least is None else least):
+        return builder.table()
     raise TooLargeError(
         f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {DRAWS_PER_TASK * size} draws: '
         f"{builder.too_long} had a row of more than {length} tokens, {builder.too_many} too many states for the "
-        f"{rows} rows together, {builder.repeated} came twice; raise the caps on tokens and rows, or ask for fewer "
-        "formulas"
+        f"{rows} rows together, {builder.repeated} came twice, {builder.kept_out} belong to another pool; raise the "
+        "caps on tokens and rows, or ask for fewer formulas"
     )
 
 
 class _Builder:
     """A pool under construction. Rows of different tasks that show the same formula are one row."""
 
-    def __init__(self, names: tuple[str, ...], alphabet: str, rows: int, length: int, progression: str) -> None:
+    def __init__(
+        self,
+        names: tuple[str, ...],
+        alphabet: str,
+        rows: int,
+        length: int,
+        progression: str,
+        unlike: frozenset[Language],
+        without: frozenset[Language],
+    ) -> None:
+        self.unlike, self.without = unlike, without
         everything = list(range(len(names)))
         check_cells(rows, len(names), alphabet)
         self.names, self.alphabet, self.rows, self.length = names, alphabet, rows, length
@@ -92,7 +111,7 @@ class _Builder:
         self.row_of: dict[tuple[int, ...], int] = {}
         self.used = 2
         self.initial_row: list[int] = []
-        self.too_long = self.too_many = self.repeated = 0
+        self.too_long = self.too_many = self.repeated = self.kept_out = 0
 
     def add(self, formula: Formula) -> None:
         """Take in a formula, or count why not."""
@@ -109,9 +128,19 @@ class _Builder:
             self.too_long += 1
         elif len(fresh) > self.rows - self.used:
             self.too_many += 1
+        elif self._is_kept_out(automaton, start):
+            self.kept_out += 1
         else:
             self._take(automaton, fresh)
             self.initial_row.append(self.row_of[automaton.tokens[start]])
+
+    def _is_kept_out(self, automaton: Automaton, start: int) -> bool:
+        if not (self.unlike or self.without):
+            return False
+        next_row = automaton.next_row[:, self._columns(automaton.letter_weights)]
+        open_rows = range(2, len(automaton.tokens))
+        found = languages(next_row, automaton.verdict, open_rows)
+        return found[start - 2] in self.unlike or not self.without.isdisjoint(found)
 
     def _take(self, automaton: Automaton, fresh: list[int]) -> None:
         for row in fresh:

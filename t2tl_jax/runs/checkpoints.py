@@ -7,13 +7,14 @@ one intact. Nothing in it is code: arrays, and one JSON object.
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import jax
 import numpy as np
 import orbax.checkpoint as ocp
 
-Which = Literal["latest", "best"]
+Item = Literal["latest", "best", "selection"]
+"""Sets of parameters: the latest ones, the best ones if the run ends here, and what it has selected if it goes on."""
 
 KEPT = 2
 """How many checkpoints a run keeps: the latest, and the one before it in case the disk loses a file."""
@@ -26,8 +27,8 @@ class CheckpointError(ValueError):
 class Checkpoints:
     """The checkpoints of one run, numbered by iteration. Use as a context manager, or call ``close``.
 
-    Every array has a leading axis [seeds]. On disk are four items per checkpoint: ``state``, ``latest`` and ``best``
-    (parameters), ``info`` (JSON).
+    Every array has a leading axis [seeds]. On disk are these items per checkpoint: ``state``, ``latest``, ``best`` and
+    perhaps ``selection`` (parameters), ``info`` (JSON).
     """
 
     def __init__(self, folder: Path) -> None:
@@ -35,9 +36,9 @@ class Checkpoints:
         # Orbax reports every handler and commit at level INFO or WARNING; a user has no use for it.
         logging.getLogger("absl").setLevel(logging.ERROR)
         options = ocp.CheckpointManagerOptions(max_to_keep=KEPT, create=False, enable_async_checkpointing=False)
-        handlers = {name: ocp.StandardCheckpointHandler() for name in ("state", "latest", "best")}
+        handlers = {name: ocp.StandardCheckpointHandler() for name in ("state", *get_args(Item))}
         self._manager: ocp.CheckpointManager | None = None
-        self._arguments = {"item_names": ("state", "latest", "best", "info"), "options": options}
+        self._arguments = {"item_names": (*handlers, "info"), "options": options}
         self._arguments["item_handlers"] = {**handlers, "info": ocp.JsonCheckpointHandler()}
 
     def __enter__(self) -> "Checkpoints":
@@ -58,21 +59,27 @@ class Checkpoints:
             return None
         return self._open().latest_step()
 
-    def save(self, iteration: int, train_state: Any, info: Mapping[str, Any]) -> None:
+    def save(
+        self, iteration: int, train_state: Any, info: Mapping[str, Any], best: Any = None, selection: Any = None
+    ) -> None:
         """Write a checkpoint and return when it is complete on disk.
 
         Args:
             iteration: how many iterations led to this state.
             train_state: see ``t2tl_jax.training.types.TrainState``, with leading axis [seeds].
             info: anything that JSON can hold.
+            best: parameters, by default those of the state.
+            selection: parameters, if there are any.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         items = {
             "state": ocp.args.StandardSave(_to_host(train_state)),
             "latest": ocp.args.StandardSave(_to_host(train_state.params)),
-            "best": ocp.args.StandardSave(_to_host(best_params(train_state))),
+            "best": ocp.args.StandardSave(_to_host(train_state.params if best is None else best)),
             "info": ocp.args.JsonSave(dict(info)),
         }
+        if selection is not None:
+            items["selection"] = ocp.args.StandardSave(_to_host(selection))
         manager = self._open()
         manager.save(iteration, args=ocp.args.Composite(**items), force=True)
         manager.wait_until_finished()
@@ -89,8 +96,8 @@ class Checkpoints:
         iteration = self._require_latest()
         return iteration, self._read(iteration, "state", like)
 
-    def restore_params(self, which: Which, like: Any) -> tuple[int, Any]:
-        """The latest or the best parameters of every seed, and the iteration of the checkpoint that holds them.
+    def restore_params(self, which: Item, like: Any) -> tuple[int, Any]:
+        """One set of parameters of every seed, and the iteration of the checkpoint that holds them.
 
         Raises:
             CheckpointError: as for ``restore``.
@@ -148,16 +155,6 @@ class Checkpoints:
                 "It is damaged, or was written by another version or configuration. Checkpoints present: "
                 f"{', '.join(map(str, self._open().all_steps()))}; without the damaged folder the one before is used."
             ) from error
-
-
-def best_params(train_state: Any) -> Any:
-    """The best parameters of every seed, or its latest ones where no score was given yet; leading axis [seeds]."""
-    scored = train_state.best_score > -jax.numpy.inf
-
-    def choose(best: jax.Array, latest: jax.Array) -> jax.Array:
-        return jax.numpy.where(scored.reshape(-1, *[1] * (best.ndim - 1)), best, latest)
-
-    return jax.tree.map(choose, train_state.best_params, train_state.params)
 
 
 def _is_key(x: Any) -> bool:

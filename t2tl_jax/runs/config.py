@@ -89,6 +89,24 @@ class PoolConfig:
             raise ValueError(f"rows counts true, false and every open formula: at least 3, got {self.rows}")
 
 
+@dataclass(frozen=True)
+class SelectionConfig:
+    """How the best parameters of a run are found, beside its final ones: by episodes that are played for nothing else.
+
+    They are scored by the mean discounted return of their sampled policy. None of it changes the training.
+    """
+
+    points: Count = 10
+    """How often in the second half of the run, its end included; where `convergence` may end it sooner, as often in the
+    first half. 0 selects nothing: the final parameters are the best ones."""
+    episodes: Count = 16
+    """Episodes per seed at each point."""
+
+    def __post_init__(self) -> None:
+        checks.counts(self, "points", least=0)
+        checks.counts(self, "episodes")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Config:
     """Everything that a training run depends on. The learner owns its network."""
@@ -120,6 +138,8 @@ class Config:
     last iterations, as many as an episode takes that runs into the time limit, and at least five."""
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
     """Stop before that when training has converged. Schedules over the run do not move."""
+    selection: SelectionConfig = field(default_factory=SelectionConfig)
+    """How the best parameters are found, which evaluations report beside the final ones."""
     pretrained: str = ""
     """Start with the task encoder (best parameters) of a pre-training run: its folder; or 'auto' to pre-train now on
     random formulas, 'auto:own' on this run's task, 'auto:TASK' on another task or family; '' starts fresh."""

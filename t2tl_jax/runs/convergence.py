@@ -1,4 +1,8 @@
-"""When training has converged: the return no longer improves. Decided on the host, from the recorded metrics alone."""
+"""When training has converged: the return no longer improves. Decided on the host, from the recorded metrics alone.
+
+Where tasks are random, the pools differ in what they allow at best, so that returns of different ones say little about
+progress: there it is the distance from the optimum, the regret, that no longer shrinks.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,11 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from t2tl_jax import checks
+from t2tl_jax.ltl import TaskTable
 
 
 @dataclass(frozen=True)
 class ConvergenceConfig:
-    """Stop early when the mean discounted return of the last iterations no longer exceeds that of those before.
+    """Stop early when the mean discounted return of the last iterations no longer exceeds that of those before; of
+    random tasks, when the mean regret no longer falls: `optimal_return` less the discounted return.
 
     A run with several seeds stops when each of them has been at that point, now or earlier.
     """
@@ -25,33 +31,61 @@ class ConvergenceConfig:
         checks.not_negative(self, "delta")
 
 
+def optimal_return(table: TaskTable, discount: float) -> float:
+    """The mean over a table's tasks of the discounted return of the shortest way to true, or 0 where there is none.
+
+    So much can be had where every letter is free at each step, as in the world with one state; elsewhere less.
+    """
+    next_row, verdict = np.asarray(table.next_row), np.asarray(table.verdict)
+    steps, before = np.where(verdict > 0, 0.0, np.inf), None
+    while before is None or (steps != before).any():
+        before, steps = steps, np.where(verdict == 0, 1 + steps[next_row].min(axis=1), steps)
+    return float(np.mean(discount ** (steps[np.asarray(table.initial_row)] - 1)))
+
+
 class Convergence:
     """The test of `ConvergenceConfig`, iteration by iteration."""
 
-    def __init__(self, config: ConvergenceConfig, seeds: int, returns: np.ndarray | None = None) -> None:
-        """Begin, or take up again after the iterations whose `returns` are given: float[seeds, iterations] or None."""
+    def __init__(
+        self,
+        config: ConvergenceConfig,
+        seeds: int,
+        returns: np.ndarray | None = None,
+        optimal: np.ndarray | None = None,
+    ) -> None:
+        """Begin, or take up again after the iterations whose `returns` are given: float[seeds, iterations] or None.
+
+        `optimal` is the optimum of the tasks of each, of the same shape; None where the tasks are always the same.
+        """
         self._config = config
         self._returns: list[np.ndarray] = []
+        self._regrets: list[np.ndarray] = []
         self._done = np.zeros(seeds, bool)
-        for column in () if returns is None else returns.T:
-            self._add(column)
+        if returns is not None:
+            for column, best in zip(returns.T, np.zeros_like(returns.T) if optimal is None else optimal.T, strict=True):
+                self._add(column, best)
 
     def add(self, rows: Sequence[Mapping[str, float | int | None]]) -> None:
         """Take in one iteration: a row of ``metrics.csv`` for every seed."""
-        values = [row["discounted_return"] for row in rows]
-        self._add(np.array([np.nan if value is None else value for value in values], np.float64))
+        returns, optimal = ([row.get(name, 0.0) for row in rows] for name in ("discounted_return", "optimal_return"))
+        known = [np.nan if value is None else value for value in returns]
+        self._add(np.array(known, np.float64), np.array(optimal, np.float64))
 
     @property
     def reached(self) -> bool:
         """Whether training may stop."""
         return bool(self._done.all())
 
-    def _add(self, returns: np.ndarray) -> None:
+    def _add(self, returns: np.ndarray, optimal: np.ndarray) -> None:
         window = self._config.window
-        self._returns = [*self._returns, returns][-2 * window :] if window else []
-        if window and len(self._returns) == 2 * window:
-            before, after = (_mean(np.array(part)) for part in (self._returns[:window], self._returns[window:]))
-            self._done |= (after > 0) & (after - before <= self._config.delta)  # NaN compares as False
+        if not window:
+            return
+        self._returns = [*self._returns, returns][-window:]
+        self._regrets = [*self._regrets, optimal - returns][-2 * window :]
+        if len(self._regrets) == 2 * window:
+            before, after = (_mean(np.array(part)) for part in (self._regrets[:window], self._regrets[window:]))
+            gains_nothing = before - after <= self._config.delta  # NaN compares as False
+            self._done |= (_mean(np.array(self._returns)) > 0) & gains_nothing
 
 
 def _mean(values: np.ndarray) -> np.ndarray:

@@ -1,12 +1,16 @@
 """Evaluating the policies of a run, and keeping the results beside it."""
 
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
+
+import jax
+import numpy as np
 
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.animation import captions, record, save_gif
-from t2tl_jax.evaluation.episodes import distinct, evaluate_seeds
+from t2tl_jax.evaluation.episodes import distinct, player_of_seeds
 from t2tl_jax.evaluation.report import Report, summarise
 from t2tl_jax.evaluation.statistics import Estimate
 from t2tl_jax.runs import machine_files
@@ -20,55 +24,72 @@ from t2tl_jax.training.types import Params
 POLICIES = {"deterministic": True, "sampled": False}
 """The mode of the policy's distribution, and draws from it (what was trained)."""
 
+Which = Literal["final", "best"]
+"""Which parameters of a run: those at its end, or those that were selected (see `t2tl_jax/runs/selection.py`)."""
+
+WHICH: tuple[Which, ...] = ("final", "best")
+
 Settings = dict[str, str | int]
 """What an evaluation was of; two results with equal settings replace each other."""
 
 
-def settings(folder: RunFolder, experiment: Experiment, checkpoint: str, iteration: int, episodes: int) -> Settings:
+def settings(folder: RunFolder, experiment: Experiment, which: Which, iteration: int, episodes: int) -> Settings:
     """Everything that tells one evaluation of a run from another, wherever its folder is moved."""
     config = experiment.config
     return {
         "task": machine_files.name_of(config.task, folder.path),
         "physics": experiment.env.backend,
-        "checkpoint": checkpoint,
+        "checkpoint": which,
         "iteration": iteration,
         "episodes": episodes,
         "episode_length": config.episode_length,
     }
 
 
-def evaluate_policies(experiment: Experiment, params: Params, episodes: int, episode_length: int) -> dict[str, Report]:
+def evaluate_policies(
+    experiment: Experiment, params: Mapping[Which, Params], episodes: int, episode_length: int
+) -> dict[Which, dict[str, Report]]:
     """Play complete episodes with both policies of every seed, on the key stream kept for that.
 
-    Both programs compile and run side by side.
+    Both policies are compiled and run side by side, each once for all parameters.
 
     Where every episode of a task starts alike, a deterministic policy plays each task once: more would be the same.
 
     Args:
         experiment: environment, task and learner.
-        params: with leading axis [seeds].
+        params: by their name, each with leading axis [seeds]. Equal ones play once.
         episodes: per seed and policy, at most.
         episode_length: time limit in steps.
+
+    Returns:
+        By the name of the parameters, then of the policy.
     """
     seeds, discount = experiment.seeds, experiment.config.learner.discount
-    keys, env_params = stream_keys(seeds, EVALUATION), experiment.env_params(training=False)
+    keys, env_params = stream_keys(seeds, EVALUATION), experiment.env_params("evaluation")
 
-    def one(deterministic: bool) -> Report:
-        played = evaluate_seeds(
-            experiment.task_env,
-            experiment.agent,
-            params,
-            env_params,
-            keys,
-            distinct(experiment.task_env, episodes, deterministic),
-            episode_length,
-            discount,
-            deterministic,
-        )
-        return summarise(played, seeds)
+    def one(deterministic: bool) -> dict[Which, Report]:
+        count = distinct(experiment.task_env, episodes, deterministic)
+        play = player_of_seeds(experiment.task_env, experiment.agent, count, episode_length, discount, deterministic)
+        reports: dict[Which, Report] = {}
+        for name, own in params.items():
+            same = [other for other in reports if _equal(own, params[other])]
+            played = None if same else jax.device_get(play(own, env_params, keys))
+            reports[name] = reports[same[0]] if played is None else summarise(played, seeds)
+        return reports
 
     with ThreadPoolExecutor(max_workers=len(POLICIES)) as threads:
-        return dict(zip(POLICIES, threads.map(one, POLICIES.values()), strict=True))
+        found = dict(zip(POLICIES, threads.map(one, POLICIES.values()), strict=True))
+    return {name: {policy: found[policy][name] for policy in POLICIES} for name in params}
+
+
+def lines(reports: Mapping[Which, Mapping[str, Report]]) -> dict[str, Report]:
+    """The same by one name for both, such as ``final deterministic``, for a table."""
+    return {f"{which} {policy}": report for which, of in reports.items() for policy, report in of.items()}
+
+
+def _equal(one: Params, other: Params) -> bool:
+    pairs = zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True)
+    return all(a is b or np.array_equal(a, b) for a, b in pairs)
 
 
 def stored(folder: RunFolder) -> list[dict[str, Any]]:
@@ -150,7 +171,7 @@ def draw_episode(experiment: Experiment, params: Params, folder: RunFolder) -> b
     if view is None:
         return False
     key = stream_keys(experiment.seeds, ANIMATION)[0]
-    env_params = experiment.env_params(training=False)
+    env_params = experiment.env_params("evaluation")
     env_params = replace(env_params, env=seed_slice(env_params.env, 0))
     length = experiment.config.episode_length
     recording = record(

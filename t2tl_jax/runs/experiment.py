@@ -1,6 +1,6 @@
 """From a configuration to the objects that train and evaluate it, each of them built once."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -8,13 +8,13 @@ from typing import Any
 import jax
 from jax.sharding import NamedSharding
 
-from t2tl_jax.env import LabelledEnv
+from t2tl_jax.env import LabelledEnv, Purpose
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.registry import AGENTS, ENVS
 from t2tl_jax.runs.compilation import Compilation
 from t2tl_jax.runs.config import Config
-from t2tl_jax.runs.pools import make_pools, make_table
+from t2tl_jax.runs.pools import Pools, make_pools, make_table
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.devices import seed_sharding
 from t2tl_jax.training.program import OVER_SEEDS, Program, params_of_seeds, trace
@@ -31,11 +31,11 @@ class Experiment:
     env: LabelledEnv
     """The environment without a task."""
     table: TaskTable
-    """The task; of a family, tasks to evaluate on, a pool of its own that training never draws on purpose."""
+    """The task; of a family, tasks to evaluate on, a pool of its own that training never has."""
     agent: Agent
     """The learner."""
-    pools: Callable[[int], TaskTable] | None
-    """The tables that training takes one after another, by their number; None where the tasks are fixed."""
+    pools: Pools | None
+    """The tables of a family, which training takes one after another; None where the tasks are fixed."""
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -50,15 +50,17 @@ class Experiment:
     def table_at(self, done: int) -> TaskTable:
         """The tasks that are trained on after `done` iterations; they depend on nothing else, so a resumed run goes on
         with the same ones."""
-        return self.table if self.pools is None else self.pools(done // self.config.pool.period)
+        return self.table if self.pools is None else self.pools.training(done // self.config.pool.period)
 
-    def env_params(self, training: bool) -> TaskParams:
+    def env_params(self, purpose: Purpose) -> TaskParams:
         """What varies between the seeds, stacked with leading axis [seeds], and the one table of all of them.
 
-        With `training` False, what an evaluation uses: where maps are random, others than training had.
+        Where maps or tasks are random, each purpose has its own.
         """
-        table = self.table_at(0) if training else self.table
-        return params_of_seeds(TaskEnv(self.env, table), self.seeds, training)
+        table = self.table
+        if self.pools is not None and purpose != "evaluation":
+            table = self.table_at(0) if purpose == "training" else self.pools.selection()
+        return params_of_seeds(TaskEnv(self.env, table), self.seeds, purpose)
 
     @property
     def sharding(self) -> NamedSharding | None:
@@ -76,7 +78,7 @@ class Experiment:
         return trace(
             self.agent,
             self.seeds,
-            self.env_params(training=True),
+            self.env_params("training"),
             restartable=self.pools is not None,
             sharding=self.sharding,
         )
@@ -100,7 +102,7 @@ class Experiment:
             ValueError: if the network cannot read the task.
         """
         init = jax.vmap(self.agent.init, in_axes=(0, OVER_SEEDS))
-        return jax.eval_shape(init, stream_keys(self.seeds, TRAINING), self.env_params(training=False)).params
+        return jax.eval_shape(init, stream_keys(self.seeds, TRAINING), self.env_params("evaluation")).params
 
     def with_config(self, config: Config) -> "Experiment":
         """The same objects under a configuration that says the same in other words; what was traced stays."""
@@ -131,7 +133,8 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
     """
     with explained():
         env = ENVS.maker(config.env)(config.env) if env is None else env
-        table, pools = make_table(config, env), make_pools(config, env)
+        pools = make_pools(config, env)
+        table = make_table(config, env) if pools is None else pools.evaluation
         training_env = TaskEnv(env, table, config.random_starts, config.labels)
         make_agent = AGENTS.maker(config.learner)
         agent = make_agent(training_env, config.learner, config.episode_length, config.iterations)

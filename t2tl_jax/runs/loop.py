@@ -14,10 +14,13 @@ from t2tl_jax.training.types import Metrics
 class Hooks:
     """What the loop calls; all with iterations counted from 1."""
 
+    after: Callable[[int, Any], None]
+    """``(iteration, train state)``, once behind every iteration, before it is recorded."""
     record: Callable[[int, Metrics], None]
     """``(iteration, metrics on the host)``, once for every iteration, in order."""
     save: Callable[[int, Any], None]
-    """``(iteration, train state)``; everything up to this iteration has been recorded."""
+    """``(iteration, train state)``; everything up to this iteration has been recorded. The last one comes once the loop
+    has ended."""
     stop: Callable[[], bool]
     """Whether to finish early."""
     prepare: Callable[[int, Any], tuple[Any, Any]]
@@ -52,10 +55,11 @@ def run_loop(
     ahead = jax.default_backend() != "cpu"
     pending: tuple[int, Metrics] | None = None
     saved_at, saved_iteration = time.monotonic(), done
-    iteration = done
-    while iteration < total and not hooks.stop():
+    iteration, stopping = done, hooks.stop()
+    while iteration < total and not stopping:
         train_state, metrics = iterate(*hooks.prepare(iteration, train_state))
         iteration += 1
+        hooks.after(iteration, train_state)
         if pending is not None:
             _record(pending, hooks)
         pending = (iteration, metrics)
@@ -63,7 +67,8 @@ def run_loop(
         if due or not ahead:
             _record(pending, hooks)
             pending = None
-        if due and iteration < total:
+        stopping = hooks.stop()
+        if due and iteration < total and not stopping:
             hooks.save(iteration, train_state)
             saved_at, saved_iteration = time.monotonic(), iteration
     if pending is not None:

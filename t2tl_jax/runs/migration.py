@@ -2,8 +2,9 @@
 
 from typing import Any
 
-VERSION = 2
-"""Of the stored configuration. The first one had no number, a network beside the learner, and one field a learner."""
+VERSION = 3
+"""Of the stored configuration. The first one had no number, a network beside the learner, and one field a learner. The
+second one had no `selection`, and its training state held the best parameters."""
 
 RENAMED = {
     "ppo": {"rollout_steps": "unroll_length", "clip": "clip_eps"},
@@ -21,7 +22,7 @@ def migrated(data: Any) -> Any:
         return data
     data = dict(data)
     version = data.pop("version", 1)
-    if version not in (1, VERSION):
+    if version not in range(1, VERSION + 1):
         raise ValueError(f"the configuration was stored by a newer version of t2tl_jax (format {version})")
     return _with_reader(_from_first(data) if version == 1 else data)
 

@@ -1,16 +1,70 @@
 """The tasks of a configuration as tables: one for a fixed task, one after another for a family of random ones."""
 
-from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import AT_MOST_ONE, TaskTable, TooLargeError, compile_named, compile_pool, is_family
+from t2tl_jax.ltl.languages import Language, languages
 from t2tl_jax.runs.config import Config
 
 DRAWS_PER_POOL = 10
 """How often a pool is drawn until its formulas fit into the table; after that, the first pool comes again."""
+
+
+class Pools:
+    """The pools of a family. Which formulas they hold depends on the configuration alone, so a resumed run meets the
+    same ones.
+
+    No formula of the evaluation is trained on, neither as a task nor as what is left of one: it is no row of the first
+    pool of training, and formulas that can become it are kept out of all later pools. Formulas are the same if their
+    languages are, however they are written.
+    """
+
+    def __init__(self, config: Config, env: LabelledEnv) -> None:
+        self._config, self._env = config, env
+        self._first = cache(lambda: _pool(config, env, "0"))
+        self._evaluation = cache(self._make_evaluation)
+
+    def training(self, number: int) -> TaskTable:
+        """The pools that are trained on, by number.
+
+        Asking for pool 0 raises ``TooLargeError`` where the caps are too small. Later pools always come: a run that
+        could begin does not end because of an unlucky draw.
+        """
+        if number == 0:
+            return self._first()
+        table = self.evaluation
+        held_out = _languages(table, np.asarray(table.initial_row))
+        for which in (str(number), *(f"{number} again {draw}" for draw in range(1, DRAWS_PER_POOL))):
+            try:
+                return _pool(self._config, self._env, which, without=held_out)
+            except TooLargeError:
+                continue
+        return self._first()
+
+    @property
+    def evaluation(self) -> TaskTable:
+        """What results are reported on: formulas that training never has. A small family has fewer of them than a pool
+        has places.
+
+        Raises:
+            TooLargeError: where the caps are too small, or the first pool of training holds the whole family.
+        """
+        return self._evaluation()
+
+    def selection(self) -> TaskTable:
+        """What parameters are chosen by: formulas that the evaluation does not have; training may."""
+        table = self.evaluation
+        reported = _languages(table, np.asarray(table.initial_row))
+        return _pool(self._config, self._env, "selection", least=1, unlike=reported)
+
+    def _make_evaluation(self) -> TaskTable:
+        first = self._first()
+        trained_on = _languages(first, np.flatnonzero(np.asarray(first.verdict) == 0))
+        return _pool(self._config, self._env, "evaluation", least=1, unlike=trained_on)
 
 
 def make_table(config: Config, env: LabelledEnv) -> TaskTable:
@@ -21,38 +75,20 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
             before the first step.
     """
     if is_family(config.task, env.propositions):
-        return _pool(config, env, "evaluation")
+        return Pools(config, env).evaluation
     length = config.task_length or None
     table = compile_named(config.task, env.propositions, env.alphabet, length=length, progression=config.progression)
     _check_open(config.task, table)
     return table
 
 
-def make_pools(config: Config, env: LabelledEnv) -> Callable[[int], TaskTable] | None:
-    """The pools that a family is trained on, by number; None for any other task.
+def make_pools(config: Config, env: LabelledEnv) -> Pools | None:
+    """The pools of a family; None for any other task."""
+    return Pools(config, env) if is_family(config.task, env.propositions) else None
 
-    Asking for pool 0 raises ``TooLargeError`` where the caps are too small. Later pools always come: a run that could
-    begin does not end because of an unlucky draw.
-    """
-    if not is_family(config.task, env.propositions):
-        return None
 
-    @cache
-    def first() -> TaskTable:
-        return _pool(config, env, "0")
-
-    def pool(number: int) -> TaskTable:
-        if number == 0:
-            return first()
-        # By the number alone, so that a resumed run meets the same pools.
-        for which in (str(number), *(f"{number} again {draw}" for draw in range(1, DRAWS_PER_POOL))):
-            try:
-                return _pool(config, env, which)
-            except TooLargeError:
-                continue
-        return first()
-
-    return pool
+def _languages(table: TaskTable, rows: np.ndarray) -> frozenset[Language]:
+    return frozenset(languages(np.asarray(table.next_row), np.asarray(table.verdict), rows.tolist()))
 
 
 def _check_open(task: str, table: TaskTable) -> None:
@@ -69,7 +105,7 @@ def _check_open(task: str, table: TaskTable) -> None:
         )
 
 
-def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
+def _pool(config: Config, env: LabelledEnv, which: str, **kept_out: Any) -> TaskTable:
     reader = config.learner.task_encoder
     if reader is not None and not reader.learned:
         raise ValueError(
@@ -89,6 +125,7 @@ def _pool(config: Config, env: LabelledEnv, which: str) -> TaskTable:
             rows=pool.rows,
             length=pool.length,
             progression=config.progression,
+            **kept_out,
         )
     except TooLargeError as error:
         raise TooLargeError(f"{error}; the fields: pool.length, pool.rows, pool.size") from error

@@ -128,13 +128,13 @@ def check(experiment: Experiment, first: "Result | None") -> Experiment:
         ) from error
     _check_padding(before, experiment, f"the pre-training on {before.config.task}")
     if before.pools is not None:
-        before.pools(0)
+        before.pools.training(0)
     return before
 
 
 def encoder(experiment: Experiment, first: "Result") -> Params:
     """The task encoder of every seed of a run, from its pre-training: leading axis [seeds]."""
-    return transfer.task_encoder(first.params, transfer.seed_index(first.seeds, experiment.seeds))
+    return transfer.task_encoder(first.params["best"], transfer.seed_index(first.seeds, experiment.seeds))
 
 
 def same_run(stored: Config, wanted: Config) -> bool:

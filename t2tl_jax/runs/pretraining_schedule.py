@@ -3,7 +3,7 @@
 from t2tl_jax import single_state
 from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.runs.config import Config, PoolConfig
+from t2tl_jax.runs.config import Config, PoolConfig, SelectionConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.single_state import SingleStateConfig
 
@@ -29,6 +29,8 @@ SCHEDULE = Config(
     pool=PoolConfig(size=16, period=8, rows=192, length=40),
     frames=500_000,
     convergence=ConvergenceConfig(window=20),
+    # Its short episodes cost little, and it is the best encoder that is handed on.
+    selection=SelectionConfig(episodes=128),
     episode_length=single_state.EPISODE_LENGTH,
 )
 """Sizes and schedule of every pre-training; the task encoder and the propositions are those of the run."""

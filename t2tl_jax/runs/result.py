@@ -13,6 +13,7 @@ from t2tl_jax.evaluation.report import Report
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.runs import evaluations
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.evaluations import WHICH, Which
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.policy import Policy, seed_slice
 from t2tl_jax.runs.pools import make_table
@@ -26,8 +27,9 @@ class Result:
 
     experiment: Experiment
     """Environment, task table and learner."""
-    params: Params
-    """The best parameters of every seed (highest score in training, see `keep_best`), leading axis [seeds]."""
+    params: Mapping[Which, Params]
+    """Parameters of every seed, leading axis [seeds]: ``params["final"]`` are those at the end of training, and
+    ``params["best"]`` did best in episodes that were played to choose between them (see `Config.selection`)."""
     metrics: Mapping[str, np.ndarray]
     """By name, float64[seeds, iterations]: ``frames``, ``success_rate``, ``discounted_return``, losses and so on. NaN
     stands for an average over no episodes."""
@@ -71,7 +73,13 @@ class Result:
             raise UserError(f"this run has no seed {seed}; its seeds: {', '.join(map(str, self.seeds))}")
         return self.seeds.index(seed)
 
-    def policy(self, seed: int | None = None, task: str | TaskTable | None = None) -> Policy:
+    def params_of(self, which: Which) -> Params:
+        """One of `params`, by its name; UserError for another name."""
+        if which not in self.params:
+            raise UserError(f"a run has parameters {' and '.join(WHICH)}, got which={which!r}")
+        return self.params[which]
+
+    def policy(self, seed: int | None = None, task: str | TaskTable | None = None, which: Which = "final") -> Policy:
         """The policy of one seed.
 
         Args:
@@ -79,12 +87,13 @@ class Result:
             task: another task than the one that was trained on, as a text or a table. A one-hot code has a fixed size
                 and tells a table's rows apart by their places: it takes tables with no more open rows than that, and
                 has learned nothing about the rows of another task.
+            which: the final or the best parameters.
 
         Raises:
             UserError: for a seed or a task that does not fit.
         """
         experiment = self._on(task)
-        params = seed_slice(self.params, self.index(seed))
+        params = seed_slice(self.params_of(which), self.index(seed))
         embedding = jax.jit(experiment.agent.embed)(params, experiment.table)
         return Policy(params, embedding, experiment.table, experiment.agent)
 
@@ -94,6 +103,7 @@ class Result:
         episodes: int = 100,
         env: LabelledEnv | None = None,
         episode_length: int | None = None,
+        which: Which = "final",
     ) -> dict[str, Report]:
         """Play complete episodes with every seed; reports with intervals of the deterministic and the sampled policy.
 
@@ -102,15 +112,17 @@ class Result:
             episodes: per seed and policy.
             env: another environment with the same observations, actions and propositions, such as other physics.
             episode_length: another time limit, in steps.
+            which: the final or the best parameters.
 
         Raises:
             UserError: for a task that does not fit.
         """
+        params = {which: self.params_of(which)}
         experiment = self._on(task)
         if env is not None:
             experiment = replace(experiment, env=env)
         length = self.config.episode_length if episode_length is None else episode_length
-        return evaluations.evaluate_policies(experiment, self.params, episodes, length)
+        return evaluations.evaluate_policies(experiment, params, episodes, length)[which]
 
     def _on(self, task: str | TaskTable | None) -> Experiment:
         """The experiment with another task; UserError if the network cannot read it."""
@@ -123,7 +135,7 @@ class Result:
             table = task
         experiment = self.experiment.with_table(table)
         try:
-            jax.eval_shape(lambda params: experiment.agent.embed(seed_slice(params, 0), table), self.params)
+            jax.eval_shape(lambda params: experiment.agent.embed(seed_slice(params, 0), table), self.params["final"])
         except (ValueError, TypeError) as error:
             raise UserError(
                 f"the network of this run cannot read {task}: {error}\n"

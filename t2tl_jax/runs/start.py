@@ -33,7 +33,7 @@ def start_params(result: Result) -> Start:
     """
     experiment, config = result.experiment, result.config
     init = jax.vmap(lambda key, env_params: experiment.agent.init(key, env_params).params, (0, OVER_SEEDS))
-    fresh = jax.jit(init)(stream_keys(result.seeds, TRAINING), experiment.env_params(training=False))
+    fresh = jax.jit(init)(stream_keys(result.seeds, TRAINING), experiment.env_params("evaluation"))
     if not config.pretrained:
         return Start(fresh, "new network")
     try:

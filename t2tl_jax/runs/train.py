@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 from t2tl_jax.env import EnvConfig, LabelledEnv
 from t2tl_jax.errors import UserError, explained
@@ -119,7 +119,6 @@ def load(
     folder: str | Path,
     *,
     env: LabelledEnv | None = None,
-    checkpoint: Literal["best", "latest"] = "best",
     **changes: Any,
 ) -> Result:
     """The result of a run on disk, finished or not.
@@ -127,7 +126,6 @@ def load(
     Args:
         folder: of the run.
         env: the environment itself, for a run that was given one instead of naming it.
-        checkpoint: which parameters: with the highest score in training (see `keep_best`), or the latest ones.
         **changes: of fields of the configuration, such as ``task``, for an experiment on another task.
 
     Raises:
@@ -136,7 +134,7 @@ def load(
     with explained():
         run, stored = run_folder.open_existing(Path(folder))
         experiment = build(_changed(stored, changes), env)
-        return _loaded(experiment, run, checkpoint)
+        return _loaded(experiment, run)
 
 
 def _configuration(
@@ -225,7 +223,7 @@ def _checked(
             if pretraining.is_auto(config):
                 before.compilation(fresh=True)  # goes on beside the tracing below
         if experiment.pools is not None:
-            experiment.pools(0)  # too small caps end a run here or never
+            experiment.pools.training(0)  # too small caps end a run here or never
     try:
         _ = experiment.program
     except TypeError as error:
@@ -279,7 +277,7 @@ def _continued(experiment: Experiment, run: RunFolder, session: _Session, before
     return Training(experiment, session.stop, session.callbacks, run, _pretrain(experiment, run, session, before)).run()
 
 
-def _loaded(experiment: Experiment, run: RunFolder, checkpoint: Literal["best", "latest"] = "best") -> Result:
+def _loaded(experiment: Experiment, run: RunFolder) -> Result:
     """What a run on disk has come to."""
     try:
         shapes = experiment.params_shapes
@@ -291,7 +289,8 @@ def _loaded(experiment: Experiment, run: RunFolder, checkpoint: Literal["best", 
         ) from error
     try:
         with Checkpoints(run.checkpoints) as checkpoints:
-            iteration, params = checkpoints.restore_params(checkpoint, shapes)
+            iteration, final = checkpoints.restore_params("latest", shapes)
+            _, best = checkpoints.restore_params("best", shapes)
     except CheckpointError as error:
         raise UserError(str(error)) from error
     try:
@@ -300,7 +299,7 @@ def _loaded(experiment: Experiment, run: RunFolder, checkpoint: Literal["best", 
         metrics = {}
     status = run_folder.read_json(run.status)
     ended = status.get("ended") or status.get("state", "unknown")
-    return Result(experiment, params, metrics, iteration, ended, run.path)
+    return Result(experiment, {"final": final, "best": best}, metrics, iteration, ended, run.path)
 
 
 def _pretrain(

@@ -12,9 +12,10 @@ from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import loop, pretraining
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
-from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints, best_params
+from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 from t2tl_jax.runs.compilation import Compiled
-from t2tl_jax.runs.convergence import Convergence
+from t2tl_jax.runs.convergence import Convergence, optimal_return
+from t2tl_jax.runs.evaluations import Which
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.history import History
@@ -23,6 +24,7 @@ from t2tl_jax.runs.loggers import CSVLogger, TensorBoardLogger
 from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to, rows
 from t2tl_jax.runs.prefetch import Prefetch
 from t2tl_jax.runs.result import Result
+from t2tl_jax.runs.selection import Scorer, Selected, Selection
 from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.runs.success import SuccessWatch, window
 from t2tl_jax.training import transfer
@@ -51,6 +53,9 @@ class Training:
     past: History = field(init=False)
     convergence: Convergence = field(init=False)
     success: SuccessWatch = field(init=False)
+    selection: Selection = field(init=False)
+    scorer: Scorer | None = field(init=False, default=None)
+    best: Any = field(init=False, default=None)
 
     def run(self) -> Result:
         """Train to the end, or to a reason to stop.
@@ -89,7 +94,8 @@ class Training:
                 _end(planned, progress)
         if progress.done == 0:
             raise Interrupted(f"before the first iteration was complete: {progress.stop}")
-        return Result(experiment, best_params(state), self.past.arrays(), progress.done, progress.stop, path)
+        params: dict[Which, Any] = {"final": state.params, "best": state.params if self.best is None else self.best}
+        return Result(experiment, params, self.past.arrays(), progress.done, progress.stop, path)
 
     def _open(self, stack: ExitStack) -> list[Callback]:
         """Lock the run's folder; the callbacks that write its files."""
@@ -104,12 +110,17 @@ class Training:
     def _restore(self) -> Any:
         """The state behind the newest checkpoint, on the devices; None where there is none."""
         experiment, config = self.experiment, self.experiment.config
-        state, earlier = None, {}
+        state, earlier, selected = None, {}, None
         if self.checkpoints is not None and self.checkpoints.latest_iteration() is not None:
             try:
-                if tuple(self.checkpoints.info().get("seeds", ())) != experiment.seeds:
+                info = self.checkpoints.info()
+                if tuple(info.get("seeds", ())) != experiment.seeds:
                     raise UserError(f"{self.checkpoints.folder} holds other seeds than the configuration names")
                 done, state = self.checkpoints.restore(experiment.program.state)
+                _, self.best = self.checkpoints.restore_params("best", experiment.program.state.params)
+                if info.get("selection"):
+                    _, params = self.checkpoints.restore_params("selection", experiment.program.state.params)
+                    selected = Selected.of(params, info["selection"])
             except CheckpointError as error:
                 raise UserError(str(error)) from error
             state = place(state, experiment.program.sharding)
@@ -117,7 +128,10 @@ class Training:
             earlier = self._earlier(done)
         seeds = len(experiment.seeds)
         self.past = History(earlier)
-        self.convergence = Convergence(config.convergence, seeds, earlier.get("discounted_return"))
+        self.convergence = Convergence(
+            config.convergence, seeds, earlier.get("discounted_return"), earlier.get("optimal_return")
+        )
+        self.selection = Selection(config, selected)
         self.success = SuccessWatch(seeds, window(config), earlier.get("success_rate"))
         return state
 
@@ -168,20 +182,43 @@ class Training:
                 state = transfer.adopt(experiment.agent, state, encoder, program.sharding)
         return compiled, state
 
+    def _abandon_scorer(self) -> None:
+        if self.scorer is not None:
+            self.stop.abandon(self.scorer.thread)
+
+    def _select(self, iteration: int, state: Any) -> None:
+        """Let the parameters behind an iteration compete, if it is one of the points."""
+        if self.scorer is None and self.selection.is_near(iteration):
+            self.scorer = Scorer(self.experiment)  # compiles beside the training, which does not wait for it yet
+        if self.scorer is not None:
+            self.scorer.check()
+            if self.selection.competes(iteration):
+                self.selection.add(iteration, state.params, self.scorer(state.params))
+
+    def _best(self, iteration: int, state: Any) -> Selected | None:
+        """What was selected. Those that a run ends with compete too, for itself only: when it goes on, they never did,
+        so that it selects what an uninterrupted run does."""
+        selected = self.selection.best
+        if self.progress.stop and self.scorer is not None and selected and not self.selection.competes(iteration):
+            return self.selection.with_last(iteration, state.params, self.scorer(state.params))
+        return selected
+
     def _iterate(self, compiled: Compiled, state: Any, callbacks: Sequence[Callback]) -> Any:
         """Train from where the run stands to its end, or to a reason to stop, and return the last state."""
         experiment, progress = self.experiment, self.progress
         program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
         env_params = program.env_params
-        pools = Prefetch(experiment.pools or (lambda number: experiment.table))
+        pools = Prefetch(experiment.pools.training if experiment.pools else lambda number: experiment.table)
+        optima: dict[int, float] = {}
         begin = time.monotonic()
 
         def prepare(done: int, state: Any) -> tuple[Any, Any]:
             nonlocal env_params
             renew = experiment.pools is not None and done % config.pool.period == 0
             if experiment.pools is not None and (renew or done == progress.started_from):
-                new = replace(env_params, table=pools.get(done // config.pool.period))
-                env_params = place_params(new, program.sharding)
+                table = pools.get(number := done // config.pool.period)
+                optima[number] = optimal_return(table, config.learner.discount)
+                env_params = place_params(replace(env_params, table=table), program.sharding)
             if renew and done:
                 state = compiled.restart(state, env_params)
             return state, env_params
@@ -189,6 +226,8 @@ class Training:
         def record(iteration: int, metrics: Metrics) -> None:
             progress.done, progress.train_seconds = iteration, time.monotonic() - begin
             new = rows(metrics, iteration, iteration * frames, progress.seeds)
+            for row in new if experiment.pools is not None else ():
+                row["optimal_return"] = optima[(iteration - 1) // config.pool.period]
             self.convergence.add(new)
             self.success.add(new)
             progress.success_since = tuple(int(since) for since in self.success.since)
@@ -199,18 +238,22 @@ class Training:
             progress.train_seconds = time.monotonic() - begin
             for callback in callbacks:
                 callback.on_checkpoint(progress)
+            best, going_on = self._best(iteration, state), self.selection.best
+            self.best = None if best is None else best.params
             if self.checkpoints is not None:
-                info = {"seeds": list(progress.seeds), "frames": iteration * frames}
-                self.checkpoints.save(iteration, state, info)
+                info: dict[str, Any] = {"seeds": list(progress.seeds), "frames": iteration * frames}
+                info |= {"best": best and best.info(), "selection": going_on and going_on.info()}
+                self.checkpoints.save(iteration, state, info, self.best, going_on and going_on.params)
 
         def stopping() -> bool:
             progress.stop = progress.stop or self._reason()
             return bool(progress.stop)
 
         with pools:
-            hooks = loop.Hooks(record, save, stopping, prepare)
+            hooks = loop.Hooks(self._select, record, save, stopping, prepare)
             period = config.run.checkpoint_period if self.checkpoints is not None else float("inf")
             done, state = loop.run_loop(compiled.iterate, state, progress.done, progress.iterations, period, hooks)
+        self._abandon_scorer()
         progress.train_seconds = time.monotonic() - begin
         progress.stop = progress.stop if done < progress.iterations else "complete"
         return state

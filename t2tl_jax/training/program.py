@@ -9,6 +9,7 @@ import jax
 import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec
 
+from t2tl_jax.env import Purpose
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.devices import SEEDS
 from t2tl_jax.training.seeds import TRAINING, stream_keys
@@ -39,13 +40,13 @@ class Program:
     shapes; the given state's memory is reused. None unless asked for."""
 
 
-def params_of_seeds(env: TaskEnv, seeds: Sequence[int], training: bool = True) -> TaskParams:
+def params_of_seeds(env: TaskEnv, seeds: Sequence[int], purpose: Purpose = "training") -> TaskParams:
     """The environment's parameters of every seed with a leading axis [seeds], and one table; see `TaskEnv.make_params`.
 
     Raises:
         ValueError: for a seed that the environment has nothing for.
     """
-    each = [env.make_params(seed, training) for seed in seeds]
+    each = [env.make_params(seed, purpose) for seed in seeds]
     return TaskParams(env=jax.tree.map(lambda *x: np.stack(x), *(own.env for own in each)), table=each[0].table)
 
 

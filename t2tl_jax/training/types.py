@@ -52,9 +52,7 @@ class Metrics:
 class TrainState(Protocol):
     """The part of a learner's state that the runner reads; the rest is the learner's own."""
 
-    params: Params  # current parameters
-    best_params: Params  # parameters with the highest `best_score` so far
-    best_score: jax.Array  # float32 scalar, -inf before the first score
+    params: Params  # current parameters of the network
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,7 @@ class LearnerConfig(abc.ABC):
 
 def map_params(train_state: Any, function: Callable[[Params], Params]) -> Any:
     """The state with `function` applied to the parameters that every `TrainState` has."""
-    return replace(train_state, params=function(train_state.params), best_params=function(train_state.best_params))
+    return replace(train_state, params=function(train_state.params))
 
 
 class Agent(NamedTuple):
@@ -110,7 +108,7 @@ class Agent(NamedTuple):
     remember(params, carry, obs, action, reward) -> carry after a step: `action` was taken on `obs`, `reward` [...]
         followed. When the episode ends, go on with `begin()`.
     restart(train_state, env_params) -> train_state that goes on with other tasks, in a table of the same shapes:
-        episodes under way are dropped, and scores on the former tasks. None for learners whose tasks are fixed.
+        episodes under way are dropped. None for learners whose tasks are fixed.
     compare(params, carry, obs, task, other) -> (policy float32[B], value float32[B]): how much the policy changes and
         by how much the value rises at obs [B, O] when the code of the task is `other` instead of `task`, both [dim]. Of
         the policy, the KL divergence KL(task || other) in nats, or for action values 1 where the greedy action is

@@ -1,6 +1,7 @@
 """Where episodes start: numbered maps, the pool, maps drawn in JAX, and sizes that differ within a batch."""
 
 import dataclasses
+from typing import get_args
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
+from t2tl_jax.env import Purpose
 from t2tl_jax.registry import make_env
 from tests.envs.waterworld_reference import published_map
 
@@ -167,7 +169,7 @@ def test_errors_say_what_is_wrong(changes, message, monkeypatch):
 
 def test_maps_by_seed_are_the_numbered_maps():
     env = WaterWorld(WaterWorldConfig(colours=LETTERS, layout="by_seed", pool_size=12, delay=1))
-    both = jax.tree.map(lambda *x: np.stack(x), env.make_params(3), env.make_params(10, training=False))
+    both = jax.tree.map(lambda *x: np.stack(x), env.make_params(3), env.make_params(10, "evaluation"))
     states = jax.jit(jax.vmap(env.reset, (None, 0)))(jax.random.key(0), both)
     for index, number in enumerate((3, 10)):
         alone = make_env(f"Water-M{number}-v0").reset(jax.random.key(1))
@@ -186,9 +188,11 @@ def test_seeds_without_a_map_are_refused():
 
 def test_every_seed_has_random_maps_of_its_own_and_evaluation_others():
     env = WaterWorld(WaterWorldConfig(layout="random", pool_size=3))
-    pools = [env.make_params(seed, training).starts for seed in (0, 1) for training in (True, False)]
+    pools = [env.make_params(seed, purpose).starts for seed in (0, 1) for purpose in get_args(Purpose)]
     agents = np.concatenate([pool.agent for pool in pools])
-    expected = [published_map(number, 16)[0] for number in range(12)]
+    selection = 2**33 * 3  # behind the maps of the last seed that there can be
+    numbers = [*range(6), *range(selection, selection + 3), *range(6, 12), *range(selection + 3, selection + 6)]
+    expected = [published_map(number, 16)[0] for number in numbers]
     np.testing.assert_allclose(agents, expected, rtol=1e-6)
     drawn = WaterWorld(WaterWorldConfig(layout="random", pool_size=0))
     assert drawn.make_params(0).starts is None

@@ -1,5 +1,7 @@
 """The published map and the random maps: keepouts, coverage, clear errors."""
 
+from typing import get_args
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 
 from envs.zones import ZoneConfig, ZoneEnv
 from envs.zones import layouts as zone_layouts
+from t2tl_jax.env import Purpose
 
 
 @pytest.fixture(scope="module")
@@ -54,16 +57,16 @@ def test_pool_depends_on_its_seed_alone():
 
 def test_every_seed_has_maps_of_its_own_and_evaluation_others():
     env = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=50))
-    pools = [env.make_params(seed, training) for seed in (0, 1) for training in (True, False)]
+    pools = [env.make_params(seed, purpose) for seed in (0, 1) for purpose in get_args(Purpose)]
     assert {jax.tree.map(jnp.shape, pool).zones for pool in pools} == {(50, 8, 2)}
-    assert len(np.unique(np.concatenate([pool.starts for pool in pools]), axis=0)) == 200
-    jax.tree.map(np.testing.assert_array_equal, pools[3], env.make_params(1, training=False))
+    assert len(np.unique(np.concatenate([pool.starts for pool in pools]), axis=0)) == 300
+    jax.tree.map(np.testing.assert_array_equal, pools[4], env.make_params(1, "evaluation"))
     reset = jax.jit(jax.vmap(env.reset, (0, None)))
     for pool in pools[:2]:
         states = reset(jax.random.split(jax.random.key(0), 20), pool).pipeline_state
         assert all((pool.zones == zones).all((1, 2)).any() for zones in states.zones)
     fixed = ZoneEnv(ZoneConfig(physics="closed_form"))
-    jax.tree.map(np.testing.assert_array_equal, fixed.make_params(0), fixed.make_params(5, training=False))
+    jax.tree.map(np.testing.assert_array_equal, fixed.make_params(0), fixed.make_params(5, "evaluation"))
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 import jax
 import numpy as np
 import pytest
-from envs.single_state import SingleState, SingleStateConfig
 
 from envs.waterworld import WaterWorld, WaterWorldConfig
 from envs.zones import ZoneConfig, ZoneEnv
@@ -12,6 +11,7 @@ from t2tl_jax.evaluation.episodes import distinct
 from t2tl_jax.evaluation.report import table
 from t2tl_jax.runs import evaluations
 from t2tl_jax.runs.experiment import Experiment
+from t2tl_jax.single_state import SingleState, SingleStateConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.types import Agent
 from tests.probe import ProbeEnv

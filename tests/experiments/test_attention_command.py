@@ -33,7 +33,7 @@ def run(tmp_path):
         (["--episodes", "0"], "--episodes must be at least 1"),
         (["--output", "x.json"], "give a name that ends in .png, got x.json"),
         (["--output", "x.tiff"], "give a name that ends in .png, got x.tiff"),
-        (["--checkpoint", "last"], "did you mean 'latest'"),
+        (["--which", "finl"], "did you mean 'final'"),
     ],
 )
 def test_mistakes_are_explained(flags, said, capsys):

@@ -79,7 +79,7 @@ UNMASKED = {"task_encoder": TransformerConfig(masked=False)}
 
 
 def encoder_of(folder: Path, which="best"):
-    return t2tl_jax.load(folder, checkpoint=which).params["params"]["task_encoder"]
+    return t2tl_jax.load(folder).params[which]["params"]["task_encoder"]
 
 
 @pytest.mark.slow
@@ -93,7 +93,7 @@ def test_pools_change_and_a_resumed_run_meets_the_same_ones(command, capsys):
     for frames in ("512", "768"):
         assert run.main(["--resume", str(short), "--frames", frames]) == 0
     assert (long / "metrics.csv").read_bytes() == (short / "metrics.csv").read_bytes()
-    jax.tree.map(np.testing.assert_array_equal, encoder_of(long, "latest"), encoder_of(short, "latest"))
+    jax.tree.map(np.testing.assert_array_equal, encoder_of(long, "final"), encoder_of(short, "final"))
 
 
 @pytest.mark.slow
@@ -109,7 +109,7 @@ def test_a_run_pretrains_for_itself_once_and_starts_with_that_encoder(command, m
     assert "task   F(Red & F White)\nplan   384 frames per seed" in said
     assert "pre-trained: 384 frames per seed on F(Red & F White)" in said
     inner = folder / "pretraining"
-    jax.tree.map(np.testing.assert_array_equal, encoder_of(folder, "latest"), encoder_of(inner))  # frozen since
+    jax.tree.map(np.testing.assert_array_equal, encoder_of(folder, "final"), encoder_of(inner))  # frozen since
     status = json.loads((folder / "status.json").read_text())
     assert status["frames_per_seed"] == 256 and status["pretraining"]["frames_per_seed"] == 384
     assert status["pretraining"]["training_seconds"] > 0 and len(status["pretraining"]["length"]) == 2
@@ -123,7 +123,7 @@ def test_a_run_pretrains_for_itself_once_and_starts_with_that_encoder(command, m
     named = command(
         "--task", "F(Red & F Black)", "--pretrained", str(inner), "--seeds", "1,0", *freeze, "--frames", "256"
     )
-    own, source = encoder_of(named, "latest"), encoder_of(inner)
+    own, source = encoder_of(named, "final"), encoder_of(inner)
     jax.tree.map(lambda a, b: np.testing.assert_array_equal(a, b[::-1]), own, source)
 
 

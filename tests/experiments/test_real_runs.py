@@ -175,7 +175,7 @@ def test_ppo_trains_resumes_evaluates_and_draws(train):
     assert run.main(["--resume", str(short), "--frames", "1536"]) == 0
     assert (long / "metrics.csv").read_bytes() == (short / "metrics.csv").read_bytes()
     assert (long / "evaluation.json").read_text() != ""
-    assert evaluate.main([str(short), "--episodes", "4", "--checkpoint", "latest", *OTHER_TASK[name]]) == 0
+    assert evaluate.main([str(short), "--episodes", "4", "--which", "final", *OTHER_TASK[name]]) == 0
     assert compare.main([str(long), str(short)]) == 0
     can_be_read(long)
 
@@ -185,13 +185,13 @@ def test_dqn_trains_evaluates_and_draws(train):
     name = "waterworld_dqn"
     folder = train(name, "runs", "1536", "4")
     assert (folder / "episode.gif").exists() and (folder / "evaluation.json").read_text() != ""
-    assert evaluate.main([str(folder), "--episodes", "4", "--checkpoint", "latest", *OTHER_TASK[name]]) == 0
+    assert evaluate.main([str(folder), "--episodes", "4", "--which", "final", *OTHER_TASK[name]]) == 0
     assert compare.main([str(folder)]) == 0
 
 
 def can_be_read(folder):
     """The attention of its second seed, and of all; `tests/evaluation/test_attention.py` checks the numbers."""
-    flags = ["--seed", "1", "--checkpoint", "latest", "--episodes", "4", "--all-seeds", "True"]
+    flags = ["--seed", "1", "--which", "final", "--episodes", "4", "--all-seeds", "True"]
     assert attention.main([str(folder), *flags]) == 0
     assert (folder / "attention.png").stat().st_size > 10_000
     read = json.loads((folder / "attention.json").read_text())

@@ -88,7 +88,7 @@ def test_own_logger_sees_every_row(result):
 
 def test_what_varies_between_seeds_arrives(result):
     """The first seeds of `Lamps` begin with one lamp on, each with another."""
-    state = result[0].experiment.env_params(training=True)
+    state = result[0].experiment.env_params("training")
     np.testing.assert_array_equal(state.env, [[True, False], [False, True]])
 
 

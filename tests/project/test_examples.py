@@ -49,7 +49,7 @@ def test_own_environment():
 @pytest.mark.slow
 def test_own_encoder():
     run = example("own_encoder").main(frames=2048)
-    assert "task_encoder" in run.params["params"]
+    assert "task_encoder" in run.params["final"]["params"]
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ LTL_BASICS = {
 FOR_EVERYONE = {f"t2tl_jax.{name}" for name in ("checks", "names", "errors", "quiet", "registry")}
 # What an environment needs of the library: its interface. It knows no temporal logic.
 INTERFACE = {"t2tl_jax.env", "t2tl_jax.view"}
-WORLD = {"t2tl_jax.ltl", "t2tl_jax.task_env"}
+WORLD = {"t2tl_jax.ltl", "t2tl_jax.env", "t2tl_jax.task_env"}
 # Learners are trained by pure functions; these know of networks only what a task encoder is.
 LEARNING = WORLD | {"t2tl_jax.training", "t2tl_jax.networks.task_encoder"}
 # What each part may import besides itself and these. A part is the longest entry that a module's name starts with.
@@ -33,7 +33,7 @@ MAY_IMPORT = {
     "t2tl_jax.view": set(),
     "t2tl_jax.env": {"t2tl_jax.view"},
     "t2tl_jax.task_env": {"t2tl_jax.env", "t2tl_jax.ltl"},
-    "t2tl_jax.wrappers": {"t2tl_jax.task_env"},
+    "t2tl_jax.wrappers": {"t2tl_jax.env", "t2tl_jax.task_env"},
     # The world of pre-training, which is a part of the method.
     "t2tl_jax.single_state": {"t2tl_jax.env"},
     "t2tl_jax.networks": {"t2tl_jax.ltl"},

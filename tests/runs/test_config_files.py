@@ -72,7 +72,7 @@ def test_kinds_and_names_of_the_first_format_become_those_of_today():
     assert network.context is None and network.env_layers == (8,)
     # What is written is of this version.
     assert config_files.from_json(config_files.to_json(config), "again") == config
-    assert json.loads(config_files.to_json(config))["version"] == 2
+    assert json.loads(config_files.to_json(config))["version"] == 3
 
 
 def test_every_choice_of_the_first_format_is_understood():
@@ -171,7 +171,7 @@ def reader(data):
         ),
         (lambda data: reader(data).update(kind="grus"), "unknown task encoder 'grus'; did you mean 'gru'"),
         (lambda data: reader(data).update(kind="gru"), "learner.network.task_encoder: unknown field"),
-        (lambda data: data.update(version=3), r"stored by a newer version of t2tl_jax \(format 3\)"),
+        (lambda data: data.update(version=4), r"stored by a newer version of t2tl_jax \(format 4\)"),
     ],
 )
 def test_files_of_other_versions_are_refused(change, said):
@@ -181,7 +181,7 @@ def test_files_of_other_versions_are_refused(change, said):
         config_files.from_json(json.dumps(data), "config.json")
 
 
-@pytest.mark.parametrize("text", ["[]", "3", "null", "{}", '{"version": 2}'])
+@pytest.mark.parametrize("text", ["[]", "3", "null", "{}", '{"version": 3}'])
 def test_other_json_is_refused(text):
     with pytest.raises(UserError, match=r"config\.json does not fit this version"):
         config_files.from_json(text, "config.json")

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from t2tl_jax.runs.convergence import Convergence, ConvergenceConfig
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.runs.convergence import Convergence, ConvergenceConfig, optimal_return
 
 CONFIG = ConvergenceConfig(window=3, delta=0.01)
 
@@ -56,6 +57,39 @@ def test_taking_up_again_equals_going_on():
             count += 1
         assert count == end
     assert Convergence(CONFIG, 1, curve[None, :end]).reached
+
+
+@pytest.mark.parametrize(
+    ("formulas", "expected"),
+    [
+        (["F a"], 1.0),
+        (["F(a & F b)"], 0.9),
+        (["!b U a", "F(a & F(b & F c))"], (1 + 0.9**2) / 2),
+        (["F(a & X X b)", "false"], 0.9**2 / 2),  # nothing can be had from what is false
+    ],
+)
+def test_the_optimum_is_the_shortest_way_to_true(formulas, expected):
+    assert optimal_return(compile_tasks(formulas, ("a", "b", "c"), "at_most_one"), 0.9) == pytest.approx(expected)
+
+
+def test_random_tasks_have_converged_when_the_regret_stays_not_when_the_pools_get_harder():
+    """A policy that learns while its pools get harder, and one that learns nothing while they get easier."""
+    optimal = np.linspace(0.9, 0.5, 30)
+    learning = optimal - np.linspace(0.4, 0.0, 30)  # the return stands at 0.5
+    standing = optimal[::-1] - 0.3
+
+    def iterations(returns, optima):
+        test = Convergence(CONFIG, 1)
+        for number, (value, best) in enumerate(zip(returns, optima, strict=True), start=1):
+            test.add([{"discounted_return": value, "optimal_return": best}])
+            if test.reached:
+                return number
+        return None
+
+    assert iterations(learning, optimal) is None and iterations_until_stop(learning) == 6
+    assert iterations(standing, optimal[::-1]) == 6 and iterations_until_stop(standing) is None
+    taken_up = Convergence(CONFIG, 1, standing[None, :6], optimal[None, ::-1][:, :6])
+    assert taken_up.reached and not Convergence(CONFIG, 1, learning[None, :20], optimal[None, :20]).reached
 
 
 @pytest.mark.parametrize("settings", [{"window": -1}, {"delta": -0.1}, {"delta": math.nan}])

@@ -21,7 +21,12 @@ def test_every_iteration_is_recorded_once_and_before_it_is_saved(monkeypatch, ba
         assert env_params == f"parameters of iteration {state + 1}"
         return state + 1, {"iteration": state + 1}
 
+    def after(iteration, state):
+        assert state == iteration
+        events.append(("after", iteration))
+
     def record(iteration, metrics):
+        assert ("after", iteration) in events
         assert metrics["iteration"] == iteration
         events.append(("record", iteration))
 
@@ -30,10 +35,11 @@ def test_every_iteration_is_recorded_once_and_before_it_is_saved(monkeypatch, ba
         assert ("record", iteration) in events
         events.append(("save", iteration))
 
-    hooks = loop.Hooks(record, save, lambda: stop_after is not None and dispatched >= stop_after, prepare)
+    hooks = loop.Hooks(after, record, save, lambda: stop_after is not None and dispatched >= stop_after, prepare)
     reached, state = loop.run_loop(iterate, 2, 2, 7, period, hooks)
     expected = 7 if stop_after is None else 2 + stop_after
     assert reached == state == expected
-    assert [n for kind, n in events if kind == "record"] == list(range(3, expected + 1))
+    for expected_once in ("after", "record"):
+        assert [n for kind, n in events if kind == expected_once] == list(range(3, expected + 1))
     saved = [n for kind, n in events if kind == "save"]
     assert saved == ([] if expected == 2 else list(range(3, expected + 1)) if period == 0 else [expected])

@@ -102,9 +102,9 @@ def test_resuming_a_finished_run_says_so(finished, resume, capsys):
 @pytest.mark.slow
 def test_evaluation_command(train, evaluate_run, read_json, capsys):
     folder = train("--frames", "200", "--seeds", "2", "--run.evaluation-episodes", "0")
-    assert evaluate_run(folder, "--episodes", "400", "--checkpoint", "latest") == 0
-    assert evaluate_run(folder, "--episodes", "400", "--task", "F Red", "--episode-length", "4") == 0
-    assert evaluate_run(folder, "--episodes", "400", "--checkpoint", "latest") == 0  # replaces the first
+    assert evaluate_run(folder, "--episodes", "400", "--which", "final") == 0
+    assert evaluate_run(folder, "--episodes", "400", "--which", "best", "--task", "F Red", "--episode-length", "4") == 0
+    assert evaluate_run(folder, "--episodes", "400", "--which", "final") == 0  # replaces the first
     evaluations = read_json(folder / "evaluation.json")["evaluations"]
     assert [entry["settings"]["task"] for entry in evaluations] == ["F Red", "!Black U Red"]
     assert evaluations[0]["settings"]["episode_length"] == 4

@@ -93,7 +93,7 @@ def test_a_policy_is_the_agents_own(run):
     result, _ = run
     agent, table = result.experiment.agent, result.experiment.table
     for index, seed in enumerate(result.seeds):
-        params = jax.tree.map(lambda leaf, index=index: leaf[index], result.params)
+        params = jax.tree.map(lambda leaf, index=index: leaf[index], result.params["final"])
         obs, rows, key = jnp.ones((4, 3)), jnp.array([2, 3, 2, 3]), jax.random.key(5)
         policy, embedding = result.policy(seed), agent.embed(params, table)
         for chosen, deterministic in ((policy(obs, rows), True), (policy(obs, rows, key=key), False)):
@@ -334,7 +334,7 @@ def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from(remembe
     first, one = remembering, {"learner": learner, "seeds": 1, "frames": FRAMES}
     frozen = dataclasses.replace(learner, network=dataclasses.replace(learner.network, freeze_task_encoder=True))
     second = t2tl_jax.train(ProbeEnv(), TASK, pretrained=first, **one | {"learner": frozen})
-    reader, adopted = (result.params["params"]["task_encoder"] for result in (first, second))
+    reader, adopted = (of["params"]["task_encoder"] for of in (first.params["best"], second.params["final"]))
     jax.tree.map(np.testing.assert_array_equal, adopted, reader)
     with pytest.raises(UserError, match="trained a task encoder of kind transformer, and this run has gru"):
         other = dataclasses.replace(learner.network, task_encoder=GRUConfig())

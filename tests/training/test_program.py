@@ -16,8 +16,6 @@ from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics
 @struct.dataclass
 class State:
     params: jax.Array
-    best_params: jax.Array
-    best_score: jax.Array
 
 
 def counting(**changes) -> Agent:
@@ -29,12 +27,12 @@ def counting(**changes) -> Agent:
         return state.replace(params=state.params + seen), Metrics(totals, {"seen": seen})
 
     agent = Agent(
-        init=lambda key, env_params: State(env_params.env.starts[0, 0], jnp.float32(0), -jnp.inf),
+        init=lambda key, env_params: State(env_params.env.starts[0, 0]),
         iterate=iterate,
         embed=lambda params, table: jnp.zeros((table.num_rows, 1)),
         act=lambda *arguments: jnp.zeros(2),
         frames_per_iteration=1,
-        restart=lambda state, env_params: state.replace(best_score=jnp.float32(-jnp.inf)),
+        restart=lambda state, env_params: state.replace(params=0 * state.params),
     )
     return agent._replace(**changes)
 
@@ -55,9 +53,9 @@ def test_every_seed_gets_its_own_parameters_and_all_one_table(env):
     state, metrics = program.lowered_iterate.compile()(state, program.env_params)
     np.testing.assert_allclose(metrics.scalars["seen"], starts + 1)
     np.testing.assert_allclose(state.params, 2 * starts + 1, rtol=1e-6)
-    evaluation = place_params(params_of_seeds(env, seeds, training=False), program.sharding)
+    evaluation = place_params(params_of_seeds(env, seeds, purpose="evaluation"), program.sharding)
     assert not np.isin(evaluation.env.starts, program.env_params.env.starts).any()
-    assert (program.lowered_restart.compile()(state, evaluation).best_score == -np.inf).all()
+    assert (program.lowered_restart.compile()(state, evaluation).params == 0).all()
 
 
 def test_tasks_that_cannot_change_are_told(env):

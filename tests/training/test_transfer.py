@@ -17,7 +17,6 @@ from t2tl_jax.training.types import Agent, map_params
 @struct.dataclass
 class State:
     params: dict
-    best_params: dict
     target_params: dict
     opt_state: dict
     key: jax.Array
@@ -38,15 +37,15 @@ def parameters(value, seeds):
 
 
 def test_only_the_task_encoder_is_copied_for_the_seeds_that_are_wanted():
-    start = State(*(parameters(float(k), 2) for k in range(4)), key=jnp.zeros(2))
+    start = State(*(parameters(float(k), 2) for k in range(3)), key=jnp.zeros(2))
     source = parameters(100.0, 3)
     after = adopt(WITH_TARGET, start, task_encoder(source, seed_index((5, 6, 7), (7, 5))))
-    for name in ("params", "best_params", "target_params"):
+    for name in ("params", "target_params"):
         old, new = getattr(start, name)["params"], getattr(after, name)["params"]
         np.testing.assert_array_equal(new["task_encoder"]["w"][:, 0, 0], [102.0, 100.0])
         chex.assert_trees_all_equal({**old, "task_encoder": None}, {**new, "task_encoder": None})
     chex.assert_trees_all_equal((start.opt_state, start.key), (after.opt_state, after.key))
-    first, second = (getattr(after, name)["params"]["task_encoder"]["w"] for name in ("params", "best_params"))
+    first, second = (getattr(after, name)["params"]["task_encoder"]["w"] for name in ("params", "target_params"))
     assert first.unsafe_buffer_pointer() != second.unsafe_buffer_pointer()  # or donating the state would fail
 
 
@@ -58,7 +57,7 @@ def test_a_single_seed_serves_all():
 
 
 def test_other_sizes_are_refused():
-    start = State(*(parameters(float(k), 1) for k in range(4)), key=jnp.zeros(1))
+    start = State(*(parameters(float(k), 1) for k in range(3)), key=jnp.zeros(1))
     with pytest.raises(ValueError, match=r"has arrays \['w'\] \(4, 2\)"):
         adopt(WITH_TARGET, start, {"w": np.zeros((1, 4, 2))})
 

@@ -12,7 +12,6 @@ from flax import struct
 from somebody.encoder import BagConfig
 from t2tl_jax import Agent, LearnerConfig, TaskEncoderConfig, TaskEnv, register_agent
 from t2tl_jax.networks.task_encoders import make_task_encoder
-from t2tl_jax.training.best import keep_best
 from t2tl_jax.training.types import Metrics
 from t2tl_jax.training.unroll import Episode, Player, begin, env_scalars, summed, unroll
 
@@ -75,8 +74,6 @@ class ReinforceState:
     opt_state: Any
     episodes: Episode
     key: jax.Array
-    best_params: Any
-    best_score: jax.Array
 
 
 built = []
@@ -101,7 +98,7 @@ def make_reinforce(env: TaskEnv, config: ReinforceConfig, episode_length: int, i
         params = network.init(
             params_key, env_params.table, episodes.state.obs, env.row(episodes.state), method="initialise"
         )
-        return ReinforceState(params, optimizer.init(params), episodes, key, params, jnp.float32(-jnp.inf))
+        return ReinforceState(params, optimizer.init(params), episodes, key)
 
     def loss(params, table, steps):
         obs, row, action, gain = steps
@@ -134,8 +131,7 @@ def make_reinforce(env: TaskEnv, config: ReinforceConfig, episode_length: int, i
         value, gradient = jax.value_and_grad(loss)(state.params, env_params.table, (*seen, gain))
         updates, opt_state = optimizer.update(gradient, state.opt_state)
         totals = summed(totals)
-        best = keep_best(state.params, totals, config.frames_per_iteration, state.best_params, state.best_score)
-        after = ReinforceState(optax.apply_updates(state.params, updates), opt_state, episodes, key, *best)
+        after = ReinforceState(optax.apply_updates(state.params, updates), opt_state, episodes, key)
         return after, Metrics(totals, {"loss": value} | env_scalars(metrics))
 
     return Agent(init, iterate, embed, act, config.frames_per_iteration)

@@ -8,6 +8,7 @@ import numpy as np
 from brax.envs.base import State
 
 from t2tl_jax import EnvConfig, LabelledEnv, register_env
+from t2tl_jax.env import Purpose
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Lamps(LabelledEnv):
         type(self).built += 1
         self.config = config
 
-    def make_params(self, seed: int, training: bool = True) -> np.ndarray:
+    def make_params(self, seed: int, purpose: Purpose = "training") -> np.ndarray:
         return np.arange(self.config.count) == seed
 
     def reset(self, rng: jax.Array, params=None) -> State:
