@@ -120,9 +120,8 @@ def table(reports: Mapping[str, Report]) -> str:
     text = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
     text.insert(1, "  ".join("-" * width for width in widths))
     for policy, report in reports.items():
-        text.append(
-            f"{policy}: {_above(report, policy.startswith('final'))}, mean discounted return {report.discounted_return.text()}"
-        )
+        above = _above(report, policy.startswith("final"))
+        text.append(f"{policy}: {above}, mean discounted return {report.discounted_return.text()}")
     if len({seed.success_rate.count for report in reports.values() for seed in report.seeds}) > 1:
         text.append("Where start, dynamics and policy are deterministic, a task's episode repeats; it counts once.")
     text.append("Brackets: 95 % intervals, over the episodes of a seed and, in the lines 'mean', over seeds.")

@@ -35,7 +35,7 @@ def test_repeated_episodes_count_once():
     env = FixedProbe()
     config = Config(env=EnvConfig(), task="F Up", learner=PPOConfig(), seeds="2", episode_length=4)
     experiment = Experiment(config, env, compile_tasks(["F Up"], env.propositions, env.alphabet), NOISY, None)
-    reports = evaluations.evaluate_policies(experiment, np.zeros(2), episodes=20, episode_length=4)
+    reports = evaluations.evaluate_policies(experiment, {"final": np.zeros(2)}, episodes=20, episode_length=4)["final"]
     for deterministic, sampled in zip(reports["deterministic"].seeds, reports["sampled"].seeds, strict=True):
         assert deterministic.success_rate.count == 1 and sampled.success_rate.count == 20
         assert deterministic.success_rate.value == 1.0 and deterministic.success_rate.low < 0.5

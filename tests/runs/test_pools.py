@@ -130,7 +130,7 @@ def test_what_is_evaluated_on_was_not_trained_on_in_whatever_words(task):
 
 def test_a_family_without_a_formula_to_spare_is_refused():
     config = dataclasses.replace(CONFIG, task="Sequence_1_1", pool=PoolConfig(size=4, rows=16, length=14))
-    with pytest.raises(TooLargeError, match=r"0 of 4 formulas .* belong to another pool.*--pool\.size"):
+    with pytest.raises(TooLargeError, match=r"0 of 4 formulas .* belong to another pool.*pool\.size"):
         _ = make_pools(config, ENV).evaluation
     smaller = make_pools(dataclasses.replace(config, pool=dataclasses.replace(config.pool, size=3)), ENV)
     assert smaller.evaluation.num_tasks == 1  # of the four that there are
