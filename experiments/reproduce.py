@@ -1,0 +1,114 @@
+"""The paper, measured again: ``python -m experiments.reproduce``; every table and figure, or some of them.
+
+Runs that are done are kept, and runs that were cut go on, so the same command may be given again and again. Several
+processes may work on the same folder, one for each GPU: each takes runs that no other one has taken.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from experiments.cli.errors import guarded
+from experiments.cli.flags import parse
+from t2tl_jax.errors import UserError, unknown
+from t2tl_jax.quiet import quiet_imports
+
+RESULTS = Path(__file__).parents[1] / "results" / "paper"
+"""Where finished runs of full scale are kept, in the repository."""
+
+PAGE = Path(__file__).parents[1] / "docs" / "paper.md"
+"""The page that is written from them."""
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Train what the paper's tables and figures need, and write them beside the published values. What is done is kept;
+    the same command goes on with what is not."""
+
+    only: str = ""
+    """Items, separated by commas; all by default. --list True shows them."""
+    scale: Literal["smoke", "full"] = "full"
+    """full: 12 seeds and the paper's budgets, for GPUs. smoke: every item with tiny networks and budgets on a CPU, to
+    see that all of it runs; its figures mean nothing and say so."""
+    seeds: str = "12"
+    """How many seeds, or which, as for experiments.run."""
+    minutes: float = float("inf")
+    """Stop after so many minutes, with everything kept; the same command goes on."""
+    folder: Path = Path("runs/reproduction")
+    """Where the runs lie, in a folder for each scale."""
+    report: bool = False
+    """Only write the page from the stored results of the repository (docs/paper.md)."""
+    keep: bool = False
+    """Copy finished runs of full scale into results/paper, which needs that they were made from a clean commit."""
+    list: bool = False
+    """Only show the items and their runs."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done or out of time, 1 if a run failed, 2 for unusable input."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def _main(texts: Sequence[str]) -> int:
+    arguments = parse(Arguments, list(texts), prog="python -m experiments.reproduce", description=Arguments.__doc__)
+    with quiet_imports():
+        import jax
+
+        from experiments.cli import compilation_cache
+        from experiments.reproduction import stored, work
+        from experiments.reproduction.items import ITEMS
+        from experiments.reproduction.page import page
+        from experiments.reproduction.plan import Scale
+        from experiments.reproduction.runs import all_runs
+        from t2tl_jax.runs.config import RunConfig
+        from t2tl_jax.training.seeds import parse_seeds
+
+    chosen = [name.strip() for name in arguments.only.split(",") if name.strip()] or list(ITEMS)
+    for name in chosen:
+        if name not in ITEMS:
+            raise unknown("item", name, ITEMS)
+    items = {name: ITEMS[name] for name in chosen}
+    if arguments.list:
+        for name, item in items.items():
+            print(f"{name:22} {item.title}\n{'':22} {', '.join(item.runs)}")
+        return 0
+    if arguments.report:
+        PAGE.write_text(page(ITEMS, stored.load(RESULTS), smoke=False), encoding="utf-8")
+        print(f"written: {PAGE}")
+        return 0
+    if arguments.minutes <= 0:
+        raise UserError(f"minutes must be positive, got {arguments.minutes:g}")
+    parse_seeds(arguments.seeds)  # raises for what is no list of seeds
+    if arguments.scale == "smoke":
+        jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
+    compilation_cache.use(RunConfig().compilation_cache)
+    scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
+    runs = all_runs()
+    names = list(dict.fromkeys(run for item in items.values() for run in item.names(arguments.scale)))
+    failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes))
+    if arguments.keep:
+        if arguments.scale != "full":
+            raise UserError("results of a smoke test are not kept in the repository")
+        for name in work.needed(runs, names):
+            if work.is_done(runs[name], base / name):
+                stored.keep(name, base / name, RESULTS / name)
+    finished = {
+        name: run
+        for name, run in stored.load(base).items()
+        if name in work.needed(runs, names) and work.is_done(runs[name], base / name)
+    }
+    target = base / "paper.md"
+    target.write_text(page(items, finished, smoke=arguments.scale == "smoke"), encoding="utf-8")
+    print(target.read_text(encoding="utf-8"))
+    print(f"written: {target}")
+    if len(finished) < len(work.needed(runs, names)):
+        print(f"{len(finished)} of {len(work.needed(runs, names))} runs are done; the same command goes on")
+    if failed:
+        print(f"failed: {', '.join(failed)}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,54 @@
+"""The page of results: every item as Markdown, from stored runs alone."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from experiments.reproduction.plan import Item
+from experiments.reproduction.stored import Stored
+
+SMOKE = "**Smoke test: tiny networks and budgets, closed-form physics. These figures mean nothing.**"
+
+HEAD = """# The paper, measured again
+
+Written by `python -m experiments.reproduce --report True` from the runs in `results/paper`; do not edit.
+Each run is there with its configuration, metrics, evaluation, versions and the commit that made it.
+
+Return: average discounted return of the sampled policy over the last 5 % of training. Solved: seeds whose final
+parameters succeed in over 95 % of the evaluation's sampled episodes. Brackets are 95 % intervals: Student's t over
+seeds for means, Wilson for shares; differences are Welch's, or paired where seed k has the same map in both runs,
+and corrected for the number of comparisons in a table. A claimed ordering is *reproduced* where the whole interval of
+the difference is above zero, *not reproduced* where it is below, else *undecided*."""
+
+
+def page(items: Mapping[str, Item], runs: Mapping[str, Stored], smoke: bool) -> str:
+    """All items, those that are not measured with what is missing."""
+    parts = [HEAD, *([SMOKE] if smoke else [])]
+    for name, item in items.items():
+        missing = [run for run in item.runs if run not in runs]
+        there = {run: runs[run] for run in item.runs if run in runs}
+        parts.append(f"## {item.title}\n\n`--only {name}`")
+        if smoke:
+            parts.append(SMOKE)
+        if there or not item.runs:
+            parts.append(item.section(there))
+            parts.append(made_by(there.values()))
+        if missing:
+            parts.append(f"Not measured yet: {', '.join(missing)}.")
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def made_by(runs: Iterable[Stored]) -> str:
+    """Which commits and machines made the runs of an item."""
+    commits = sorted({(run.versions.get("git_revision") or "unknown")[:7] for run in runs})
+    machines = sorted({device for run in runs for device in run.versions.get("devices", [])})
+    seeds = sorted({len(run.seeds) for run in runs})
+    if not commits:
+        return ""
+    return f"Seeds: {', '.join(map(str, seeds))}. Commits: {', '.join(commits)}. Hardware: {', '.join(machines)}."
+
+
+def table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown; '' without rows."""
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    if not lines:
+        return ""
+    return "\n".join([f"| {' | '.join(heading)} |", "|" + "---|" * len(heading), *lines])

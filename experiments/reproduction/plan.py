@@ -1,0 +1,113 @@
+"""What a reproduction is made of: runs, which items share, and items, which are the tables and figures."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from envs.zones import ZoneConfig
+from t2tl_jax.agents.dqn import DQNConfig
+from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.runs.config import Config, RunConfig
+
+ScaleName: TypeAlias = Literal["smoke", "full"]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training. Items that need the same one name it; it is done once."""
+
+    config: Config | None
+    """What is trained, at full scale but for its seeds; None where nothing is, see `measure`."""
+    before: str | None = None
+    """The run whose task encoder it starts with; None for a fresh one."""
+    limits: tuple[int, ...] = ()
+    """Time limits of its evaluations beside its own, in steps."""
+    seeds: str | None = None
+    """Its seeds where they are not those of the reproduction, such as one alone on the device."""
+    evaluated: bool = True
+    """Whether it is evaluated at the end; its curves are there in any case."""
+    measure: Callable[[Path], None] | None = None
+    """Makes the run's folder without a training."""
+    read: bool = False
+    """Whether its agents are read at the end: attention, and what removing a token changes."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One table or figure of the paper, or one measurement beside it."""
+
+    title: str
+    runs: tuple[str, ...]
+    """Names of the runs that it shows."""
+    section: Callable[..., str] = field(repr=False)
+    """(stored runs by name) -> its Markdown, without the title."""
+    smoke: tuple[str, ...] = ()
+    """The runs of a smoke test, where every other one would run the same lines; by default the first one."""
+
+    def names(self, scale: ScaleName) -> tuple[str, ...]:
+        """The runs that are done at a scale."""
+        return self.runs if scale == "full" else self.smoke or self.runs[:1]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How much is done."""
+
+    name: ScaleName
+    seeds: str
+    """Seeds of every run that does not name its own."""
+
+    def apply(self, run: Run) -> Config:
+        """The configuration that is trained at this scale."""
+        assert run.config is not None
+        seeds = run.seeds or self.seeds
+        config = replace(run.config, seeds=seeds, run=_quiet(run.config.run))
+        return config if self.name == "full" else _small(config)
+
+
+def _quiet(config: RunConfig) -> RunConfig:
+    return replace(config, gif=False, progress=False)
+
+
+def _small(config: Config) -> Config:
+    """The same with a network, a time limit and a budget that take seconds: it learns nothing, but runs every line."""
+    learner: Any = config.learner
+    network = learner.network
+    changes: dict[str, Any] = {"task_encoder": _few_parameters(network.task_encoder)}
+    context = network.context
+    if context is not None:
+        layers = 2 if context.halved else 1
+        changes["context"] = replace(context, reader=_few_parameters(context.reader, layers))
+    for name in ("env_layers", "actor_layers", "critic_layers", "state_layers"):
+        if getattr(network, name, ()):
+            changes[name] = (8,)
+    if getattr(network, "task_layer", 0):
+        changes["task_layer"] = 8
+    network = replace(network, **changes)
+    if isinstance(learner, PPOConfig):
+        learner = replace(learner, network=network, num_envs=8, unroll_length=32, epochs=1, minibatch_size=128)
+    elif isinstance(learner, DQNConfig):
+        learner = replace(
+            learner, network=network, num_envs=4, unroll_length=32, batch_size=8, buffer_size=512, learning_starts=32
+        )
+    env = config.env
+    if isinstance(env, ZoneConfig):
+        env = replace(env, physics="closed_form")
+    seeds = config.seeds if config.seeds.endswith(",") else "2"
+    return replace(
+        config,
+        env=env,
+        learner=learner,
+        frames=2 * learner.frames_per_iteration,
+        episode_length=min(config.episode_length, 40),
+        seeds=seeds,
+        pool=replace(config.pool, size=2),
+        run=replace(config.run, evaluation_episodes=2),
+    )
+
+
+def _few_parameters(part: Any, layers: int = 1) -> Any:
+    """A reader of formulas or windows of a few parameters; what has no such sizes stays."""
+    small = {"layers": layers, "width": 8, "heads": 2, "feed_forward": 8, "hidden": 8}
+    return replace(part, **{name: size for name, size in small.items() if hasattr(part, name)})

@@ -1,0 +1,219 @@
+"""The trainings that the items share, by name. Names begin with the world and end with what is special."""
+
+from dataclasses import replace
+from typing import Any
+
+from experiments import configs  # noqa: F401, registers the configurations
+from experiments.methods import apply
+from experiments.paper import step_tables
+from experiments.reproduction import representations
+from experiments.reproduction.plan import Run
+from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.networks.rgcn import RGCNConfig
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.registry import ENVS, named_config
+from t2tl_jax.runs import pretraining
+from t2tl_jax.runs.config import Config
+
+ZONE_FRAMES = 10_000_000
+"""The paper's budget on `phi_zone`."""
+
+ZONE_METHODS = ("t2tl", "t1tl", "gnn", "rm", "dfa", "dfa_number", "dfa_cont")
+WATER_METHODS = ("t2tl", "t1tl", "gnn", "rm", "dfa", "dfa_cont")
+STEP_METHODS = ("t1tl", "gnn", "rm")
+WIDTHS = (8, 16, 32)
+
+ALONE = "0,"
+"""The one seed of a run whose time is taken."""
+
+MAPS = "1,2,3,4,5,6,7,8,9,10"
+"""The maps of the reward-machine benchmark, which its seeds are."""
+
+
+def all_runs() -> dict[str, Run]:
+    """Every run of the reproduction."""
+    runs: dict[str, Run] = {representations.NAME: Run(None, evaluated=False, measure=representations.measure)}
+    for part in (_zone, _zone_variants, _water, _water_variants, _steps, _benchmark):
+        for name, run in part(runs).items():
+            assert name not in runs, name
+            runs[name] = run
+    return runs
+
+
+def _zone_base() -> Config:
+    """`zone_ppo` with the paper's budget. Exploration fades over the same frames as in the shorter default."""
+    base = named_config("zone_ppo")
+    learner: Any = base.learner
+    decay = learner.noise_decay * base.frames / ZONE_FRAMES
+    return replace(base, frames=ZONE_FRAMES, learner=replace(learner, noise_decay=decay))
+
+
+def _zone(runs: dict[str, Run]) -> dict[str, Run]:
+    """The six methods on `phi_zone`, DFA both ways; each once more alone, for its time."""
+    base = _zone_base()
+    new: dict[str, Run] = {}
+    for method in ZONE_METHODS:
+        config = apply(base, method)
+        before = _pretraining(new, "zone", config)
+        new[f"zone-{method}"] = Run(config, before)
+        alone = None if before is None else _alone(new, before)
+        new[f"zone-{method}-alone"] = Run(config, alone, seeds=ALONE, evaluated=False)
+    return new
+
+
+def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
+    """Widths of codes, pre-training, phi_safe, the attention figure, the published program, another reader."""
+    base = _zone_base()
+    new: dict[str, Run] = {}
+    for width in WIDTHS:
+        config = _with_encoder(apply(base, "t1tl"), output=width)
+        new[f"zone-t1tl-fresh-{width}"] = Run(replace(config, pretrained=""))
+    for width in (1, 16, 32):
+        new[f"zone-dfa-{width}"] = Run(_with_encoder(apply(base, "dfa"), size=width))
+    short = named_config("zone_ppo")
+    for method in ("t2tl", "t1tl", "gnn"):
+        for kind in ("none", "own", "random"):
+            config = apply(short, method)
+            before = None if kind == "none" else _pretraining(runs, "zone", config, kind, new)
+            new[f"zone-{method}-pre-{kind}"] = Run(config, before)
+    safe = named_config("zone_ppo_safe")
+    for method in ZONE_METHODS:
+        config = apply(safe, method)
+        new[f"safe-{method}"] = Run(config, _pretraining(new, "safe", config))
+    prime = replace(short, task="phi_zone_prime")
+    new["prime-fresh"] = Run(replace(prime, pretrained=""), read=True)
+    new["prime-own"] = Run(prime, _pretraining(new, "prime", prime), read=True)
+    published = named_config("zone_ppo_published")
+    new["zone-published"] = Run(published, _pretraining(new, "zone-published", published))
+    new["zone-gru-reader"] = Run(_with_gru_reader(short), "zone-pretraining-transformer")
+    return new
+
+
+def _water(runs: dict[str, Run]) -> dict[str, Run]:
+    """The six methods on `phi_water`, 12 maps, and alone."""
+    base = named_config("waterworld_dqn")
+    new: dict[str, Run] = {}
+    for method in WATER_METHODS:
+        config = apply(base, method)
+        before = _pretraining(new, "water", config)
+        new[f"water-{method}"] = Run(config, before)
+        alone = None if before is None else _alone(new, before)
+        new[f"water-{method}-alone"] = Run(config, alone, seeds=ALONE, evaluated=False)
+    return new
+
+
+def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
+    """The paper's own form, simultaneous learning piece by piece, pre-training, widths of codes."""
+    base = named_config("waterworld_dqn")
+    new: dict[str, Run] = {}
+    paper = named_config("waterworld_dqn_paper")
+    for method in ("t1tl", "t2tl", "gnn"):
+        config = apply(paper, method)
+        new[f"water-paper-{method}"] = Run(config, _pretraining(runs, "water", config, "own", new))
+    slow = replace(
+        apply(paper, "t1tl"), learner=_changed(apply(paper, "t1tl").learner, task_encoder_learning_rate=1e-5)
+    )
+    new["water-paper-t1tl-slow"] = Run(slow, "water-pretraining-transformer")
+
+    t1tl, one_hot = apply(base, "t1tl"), apply(base, "rm")
+    for name, config, before in (("t1tl", t1tl, "water-pretraining-transformer"), ("rm", one_hot, None)):
+        learner = config.learner
+        for variant, changed in (
+            ("own-row", replace(config, learner=_changed(learner, counterfactual=False))),
+            ("printed-argmax", replace(config, learner=_changed(learner, printed_argmax=True))),
+            ("random-starts", replace(config, random_starts=0.5)),
+            ("every-step", replace(config, learner=_changed(learner, updates_per_step=16))),
+        ):
+            new[f"water-{name}-{variant}"] = Run(changed, before)
+
+    for method in ("t2tl", "t1tl", "gnn"):  # frozen codes that never learned anything are no case
+        config = apply(base, method)
+        before = _pretraining(runs, "water", config, "random", new)
+        new[f"water-{method}-pre-random"] = Run(config, before)
+        unfrozen = _changed(config.learner, network=replace(config.learner.network, freeze_task_encoder=False))
+        new[f"water-{method}-pre-none"] = Run(replace(config, learner=unfrozen))
+
+    for width in WIDTHS:
+        if width != 32:  # the default
+            config = _with_encoder(t1tl, output=width)
+            before = _pretraining(runs, f"water-{width}", config, "own", new)
+            new[f"water-t1tl-{width}"] = Run(config, before)
+    for width in (6, 16, 32):
+        new[f"water-rm-{width}"] = Run(_with_encoder(one_hot, size=width))
+    return new
+
+
+def _steps(runs: dict[str, Run]) -> dict[str, Run]:
+    """The worlds of the tables of steps; a world that two tables show is trained once."""
+    base = named_config("waterworld_dqn")
+    new: dict[str, Run] = {}
+    worlds = [(cell, False) for cell in (*step_tables.BY_GOALS, *step_tables.BY_OBSTACLES)]
+    for cell, same_maps in [*worlds, *((cell, True) for cell in step_tables.BY_SIZE)]:
+        for method in STEP_METHODS:
+            config = step_tables.configuration(apply(base, method), cell, same_maps)
+            before = _pretraining(runs, f"water-{cell.goals}-{cell.obstacles}", config, "own", new)
+            new[step_name(cell, same_maps, method)] = Run(config, before, limits=step_tables.LIMITS)
+    return new
+
+
+def step_name(cell: step_tables.Cell, same_maps: bool, method: str) -> str:
+    """Name of the run of one cell of the tables of steps."""
+    size = f"-size-{cell.size:g}" if same_maps else ""
+    return f"steps-{cell.goals}-{cell.obstacles}{size}-{method}"
+
+
+def _benchmark(runs: dict[str, Run]) -> dict[str, Run]:
+    """The reward-machine benchmark: ten tasks and the single one, plain and shaped."""
+    new = {}
+    for kind in ("crm", "ql", "crm_shaped", "ql_shaped"):
+        config = named_config(f"rm_water_{kind}")
+        new[f"rm-{kind}"] = Run(config, seeds=MAPS, evaluated=False)
+        new[f"rm-single-{kind}"] = Run(_single_task(config), seeds=MAPS, evaluated=False)
+    return new
+
+
+def _single_task(config: Config) -> Config:
+    """The benchmark's one task, the tenth, whose machine has three open states."""
+    return _with_encoder(replace(config, task="rm_t10_published"), size=3)
+
+
+def _pretraining(
+    runs: dict[str, Run], world: str, config: Config, kind: str = "own", new: dict[str, Run] | None = None
+) -> str | None:
+    """The name of the run that pre-trains the configuration's encoder, which is added to `new` unless it is known."""
+    encoder, new = config.learner.task_encoder, runs if new is None else new
+    if encoder is None or not encoder.learned:
+        return None
+    reader = {TransformerConfig: "transformer", RGCNConfig: "gnn"}[type(encoder)]  # type: ignore[index]
+    name = f"{world}-pretraining-{reader}" + ("" if kind == "own" else f"-{kind}")
+    if name not in runs and name not in new:
+        wanted = replace(config, pretrained="auto:own" if kind == "own" else "auto")
+        before = pretraining.matching(wanted, ENVS.maker(config.env)(config.env))
+        new[name] = Run(before, evaluated=False)
+    return name
+
+
+def _alone(new: dict[str, Run], before: str) -> str:
+    """The same pre-training for the one seed whose time is taken."""
+    name = f"{before}-alone"
+    new.setdefault(name, replace(new[before], seeds=ALONE))
+    return name
+
+
+def _with_encoder(config: Config, **changes: Any) -> Config:
+    """The configuration with other sizes of its task encoder."""
+    learner: Any = config.learner
+    encoder: TaskEncoderConfig = replace(learner.network.task_encoder, **changes)
+    return replace(config, learner=_changed(learner, network=replace(learner.network, task_encoder=encoder)))
+
+
+def _with_gru_reader(config: Config) -> Config:
+    """The configuration with a GRU instead of a Transformer over its context window."""
+    learner: Any = config.learner
+    context = replace(learner.network.context, reader=GRUConfig(width=32))
+    return replace(config, learner=_changed(learner, network=replace(learner.network, context=context)))
+
+
+def _changed(learner: Any, **changes: Any) -> Any:
+    return replace(learner, **changes)

@@ -1,0 +1,152 @@
+"""Tables that several items share: methods with their final figures, curves beside the published ones, orderings."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from envs.waterworld import WaterWorldConfig
+from experiments.reproduction.page import table
+from experiments.reproduction.stored import Stored
+from t2tl_jax.evaluation import statistics
+from t2tl_jax.evaluation.comparisons import Difference, compare, difference, holm, outcome
+from t2tl_jax.evaluation.scores import return_by_episode
+
+Values = Mapping[str, Mapping[int, float]]
+Curve = tuple[Sequence[float], Sequence[float]]
+
+
+def text(values: Mapping[int, float] | Sequence[float], digits: int = 3) -> str:
+    """Mean and interval over seeds, for a cell; a dash where there is nothing."""
+    data = list(values.values()) if isinstance(values, Mapping) else list(values)
+    return statistics.mean([value for value in data if np.isfinite(value)]).text(digits)
+
+
+def share(rates: Mapping[int, float]) -> str:
+    """Mean of rates over seeds, with an interval that stays within 0 and 1 and is never of zero width."""
+    return statistics.mean_rate([value for value in rates.values() if np.isfinite(value)]).text()
+
+
+def methods(runs: Mapping[str, Stored], labels: Mapping[str, str], published: Mapping[str, float] | None = None) -> str:
+    """Final figures of every method: of training and, of the final and the best parameters, of their evaluation."""
+    published = published or {}
+    rows = []
+    for name, run in runs.items():
+        if name not in labels:
+            continue
+        rows.append(
+            (
+                labels[name],
+                f"{_share(run)}",
+                text(run.end("discounted_return")),
+                text(run.by_seed("discounted_return")),
+                text(run.by_seed("discounted_return", which="best")),
+                f"{published[name]:.2f}" if name in published else "-",
+                f"{run.frames:,}",
+                f"{run.train_seconds:.0f} s",
+                f"{run.compile_seconds:.0f} s",
+            )
+        )
+    heading = (
+        "method",
+        "solved",
+        "return, training",
+        "return, final",
+        "return, best",
+        "published",
+        "frames",
+        "training, all seeds",
+        "compile",
+    )
+    return table(heading, rows)
+
+
+def _share(run: Stored) -> str:
+    solved = run.solved()
+    return "-" if solved.value is None else f"{round(solved.value * solved.count)}/{solved.count}"
+
+
+def curves_by_frames(
+    runs: Mapping[str, Stored], labels: Mapping[str, str], marks: Sequence[float], published: Mapping[str, Curve]
+) -> str:
+    """Return in training over the quarter million frames that ends at each mark, and the published value there."""
+    shown = {name: run for name, run in runs.items() if name in labels}
+    heading = ["frames", *(labels[name] for name in shown), *(f"{labels[name]}, published" for name in published)]
+    rows = []
+    for mark in marks:
+        row = [f"{mark / 1e6:g} M"]
+        for run in shown.values():
+            frames, returns = run.metrics["frames"][0], run.metrics["discounted_return"]
+            part = (frames <= mark + frames[0]) & (frames > mark - 250_000)
+            row.append(text(np.nanmean(returns[:, part], axis=1).tolist()) if part.any() else "-")
+        for curve in published.values():
+            row.append(f"{np.interp(mark, *curve):.2f}")
+        rows.append(row)
+    return table(heading, rows)
+
+
+def curves_by_episode(
+    runs: Mapping[str, Stored],
+    labels: Mapping[str, str],
+    marks: Sequence[int],
+    published: Mapping[str, Sequence[float]],
+) -> str:
+    """Return without discount of the last 500 episodes at each mark, and the published value there."""
+    shown = {name: run for name, run in runs.items() if name in labels}
+    values = {
+        name: np.stack([return_by_episode(run.columns, seed, marks) for seed in run.seeds])
+        for name, run in shown.items()
+    }
+    heading = ["episode", *(labels[name] for name in shown), *(f"{name}, published" for name in published)]
+    rows = [
+        [
+            f"{mark:,}",
+            *(text(of[:, k].tolist()) for of in values.values()),
+            *(f"{c[k]:.2f}" for c in published.values()),
+        ]
+        for k, mark in enumerate(marks)
+    ]
+    return table(heading, rows)
+
+
+def orderings(runs: Mapping[str, Stored], claimed: Iterable[str], values: Values, unit: str) -> str:
+    """Every two of the runs that are there, in the order that the paper claims: best first."""
+    there = {name: values[name] for name in claimed if name in runs}
+    return _claims(compare(there, {name: worlds(runs[name]) for name in there}), unit)
+
+
+def against_first(runs: Mapping[str, Stored], values: Values, unit: str) -> str:
+    """The first run against each of the others, corrected for so many comparisons."""
+    first, *others = (name for name in runs if len(values[name]) > 1)
+    level = 1 - (1 - statistics.CONFIDENCE) / max(len(others), 1)
+    found = {}
+    for other in others:
+        a, b = values[first], values[other]
+        paired = worlds(runs[first]) is not None and worlds(runs[first]) == worlds(runs[other]) and set(a) == set(b)
+        of_other = [b[seed] for seed in a] if paired else list(b.values())
+        found[first, other] = difference(list(a.values()), of_other, paired, level)
+    corrected = holm([each.pvalue for each in found.values()])
+    return _claims(
+        {names: replace(one, pvalue=p) for (names, one), p in zip(found.items(), corrected, strict=True)}, unit
+    )
+
+
+def _claims(found: Mapping[tuple[str, str], Difference], unit: str) -> str:
+    rows = [
+        (
+            f"{first} > {second}",
+            each.gap.text(),
+            f"{each.pvalue:.3g}",
+            each.improvement.text(2),
+            "paired" if each.paired else "",
+            outcome(each.gap),
+        )
+        for (first, second), each in found.items()
+    ]
+    return table(("claim", f"difference, {unit}", "p (Holm)", "probability of improvement", "", "outcome"), rows)
+
+
+def worlds(run: Stored) -> object:
+    """What seed k of a run stands for beside chance: a map in WaterWorld by seed, else nothing."""
+    env = run.config.env
+    return env if isinstance(env, WaterWorldConfig) and env.layout == "by_seed" else None

@@ -1,0 +1,152 @@
+"""Doing the runs of a reproduction: one after another, resumable, on as many devices as there are.
+
+A run that is complete is left alone, one that was cut goes on. A process claims a run by locking a file beside its
+folder, so several processes, one for each GPU, share the work of one folder.
+"""
+
+import fcntl
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from experiments import attention
+from experiments.reproduction.plan import Run, Scale
+from t2tl_jax.errors import UserError
+from t2tl_jax.runs import evaluations, train
+from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
+from t2tl_jax.runs.folder import RunFolder, read_json
+from t2tl_jax.runs.interrupts import Interrupted
+from t2tl_jax.runs.result import Result
+
+ENDS = ("complete", "converged", "success")
+"""Why a training ends that is not to go on."""
+
+OUT_OF_TIME = "out of time"
+
+READING = "attention.json"
+"""What reading the agents of a run leaves in its folder."""
+
+
+class Deadline(Callback):
+    """Ends a training when the time is up; the same command goes on with it."""
+
+    def __init__(self, minutes: float) -> None:
+        self.at = time.monotonic() + 60 * minutes
+
+    @property
+    def passed(self) -> bool:
+        """Whether the time is up."""
+        return time.monotonic() >= self.at
+
+    def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
+        """Ask the training to stop, which writes a checkpoint first."""
+        if self.passed:
+            progress.stop = progress.stop or OUT_OF_TIME
+
+
+def needed(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
+    """The runs of these names and those that they start from, each before what needs it."""
+    found: dict[str, None] = {}
+    for name in names:
+        before = runs[name].before
+        for one in ([] if before is None else needed(runs, [before])) + [name]:
+            found[one] = None
+    return list(found)
+
+
+def is_done(run: Run, folder: Path) -> bool:
+    """Whether a run is trained to its end and evaluated."""
+    files = RunFolder(folder)
+    trained = files.status.is_file() and read_json(files.status).get("ended") in ENDS
+    evaluated = files.evaluation.is_file() or not run.evaluated
+    return trained and evaluated and ((folder / READING).is_file() or not run.read)
+
+
+def do_all(
+    runs: Mapping[str, Run],
+    names: Sequence[str],
+    scale: Scale,
+    base: Path,
+    deadline: Deadline,
+    say: Callable[[str], None] = print,
+) -> list[str]:
+    """Do what is to be done of these runs until the time is up, and return the names of those that failed.
+
+    A run that another process works on is left to it. One that fails is told of, and the others go on.
+
+    Args:
+        runs: all runs by name.
+        names: those to do.
+        scale: how much is done.
+        base: where they lie, each in a folder of its name.
+        deadline: when to stop.
+        say: told what is begun and what it took.
+    """
+    base.mkdir(parents=True, exist_ok=True)
+    failed: list[str] = []
+    open_runs = [name for name in needed(runs, names) if not is_done(runs[name], base / name)]
+    for number, name in enumerate(open_runs, 1):
+        before = runs[name].before
+        if deadline.passed:
+            break
+        if before is not None and not is_done(runs[before], base / before):
+            continue  # another process is at it, or it was cut
+        with _claimed(base / f"{name}.lock") as mine:
+            if mine and not is_done(runs[name], base / name):
+                began = time.monotonic()
+                say(f"[{number}/{len(open_runs)}] {name}")
+                try:
+                    ended = do(runs[name], scale, base / name, None if before is None else base / before, deadline)
+                except Exception as error:  # hours of other runs should not end with this one
+                    failed.append(name)
+                    ended = f"failed: {type(error).__name__}: {error}"
+                say(f"    {ended} after {time.monotonic() - began:.0f} s")
+    return failed
+
+
+def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Deadline) -> str:
+    """Train a run, or go on with it, then evaluate and read it; returns why the training ended."""
+    if run.measure is not None:
+        run.measure(folder)
+        return ENDS[0]
+    config = scale.apply(run)
+    try:
+        if (folder / "config.json").is_file():
+            result = train.resume(folder, callbacks=[deadline])
+        else:
+            result = train.train(config, pretrained=before, folder=folder, callbacks=[deadline])
+    except Interrupted as when:
+        return str(when)
+    if result.ended in ENDS and run.evaluated:
+        _evaluate(result, sorted({config.episode_length, *(() if scale.name == "smoke" else run.limits)}))
+    if result.ended in ENDS and run.read:
+        episodes = str(config.run.evaluation_episodes)
+        if code := attention.main([str(folder), "--all-seeds", "True", "--episodes", episodes]):
+            raise UserError(f"reading {folder} failed with exit code {code}")
+    return result.ended
+
+
+def _evaluate(result: Result, limits: Sequence[int]) -> None:
+    """Play the final and the best parameters within every time limit, and store what came of it."""
+    assert result.folder is not None
+    files, config = RunFolder(result.folder), result.config
+    for limit in limits:
+        experiment = result.experiment.with_config(replace(config, episode_length=limit))
+        reports = evaluations.evaluate_policies(experiment, result.params, config.run.evaluation_episodes, limit)
+        for which, report in reports.items():
+            what = evaluations.settings(files, experiment, which, result.iteration, config.run.evaluation_episodes)
+            evaluations.store(files, what, report)
+
+
+@contextmanager
+def _claimed(path: Path) -> Iterator[bool]:
+    """Whether this process is the one that works on something, for as long as the block lasts."""
+    with path.open("a") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            yield False
+            return
+        yield True
