@@ -27,7 +27,7 @@ NETWORK = QNetworkConfig(
 ONE_HOT = dataclasses.replace(NETWORK, task_encoder=OneHotConfig())  # compiles faster where the encoder does not matter
 DQN = DQNConfig(
     num_envs=8,
-    unroll_length=50,
+    unroll_length=25,
     batch_size=64,
     buffer_size=2000,
     learning_starts=100,
@@ -37,6 +37,7 @@ DQN = DQNConfig(
     anneal_learning_rate=False,
     epsilon_fraction=0.5,
 )
+ITERATIONS = 15
 TASK = "!Down U (Up & F(Down & F Up))"
 
 
@@ -46,8 +47,17 @@ def env():
     return TaskEnv(probe, compile_tasks([TASK], probe.propositions, probe.alphabet))
 
 
-def make(env, network=NETWORK, iterations=20, **changes):
+def make(env, network=NETWORK, iterations=ITERATIONS, **changes):
     return make_dqn(env, dataclasses.replace(DQN, network=network, **changes), episode_length=20, iterations=iterations)
+
+
+@pytest.fixture(scope="module")
+def learner(env):
+    """A learner with a small buffer as (init, iterate), compiled once for all tests; a second trace is an error."""
+    sizes = {"unroll_length": 10, "buffer_size": 64, "learning_starts": 8 * 20, "target_period": 15}
+    agent, given = make(env, ONE_HOT, **sizes), env.make_params(0)
+    init, iterate = jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
+    return agent, lambda key: init(key, given), lambda state: iterate(state, given)
 
 
 @pytest.mark.parametrize("double", [True, False])
@@ -101,26 +111,32 @@ def test_loss_counts_open_rows_only_and_plain_dqn_only_the_own_row(env):
         ),
         cut=jnp.arange(size) % 3 == 0,
     )
+    switches = ({}, {"printed_argmax": True}, {"double": False}, {"timeout_is_terminal": True})
+
+    @jax.jit  # one program of all that is compared
+    def compute(params):
+        embedding = network.apply(params, table, method="embed")
+        q = network.apply(params, batch.obs, embedding, method="every_row")
+        after = network.apply(params, batch.next_obs, embedding, method="every_row")
+
+        def both(**changes):
+            config = dataclasses.replace(DQN, **changes)
+            loss, _ = dqn_loss(config, network, table, params, embedding, params, embedding, batch)
+            return loss, td_targets(config, table, after, after, batch.shared, batch.cut)
+
+        return q, both(counterfactual=True), [both(counterfactual=False, **switch) for switch in switches]
+
     params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(1), table, batch.obs)
-    embedding = network.apply(params, table, method="embed")
-    q = network.apply(params, batch.obs, embedding, method="every_row")
-    after = network.apply(params, batch.next_obs, embedding, method="every_row")
-    goal = td_targets(DQN, table, after, after, batch.shared, batch.cut)
-    error = np.abs(np.asarray(q[np.arange(size), :, batch.action] - goal))
-    huber = np.where(error < 1, 0.5 * error**2, error - 0.5)
+    q, counterfactual, plain = jax.tree.map(np.asarray, compute(params))
 
-    def loss(counterfactual, **changes):
-        config = dataclasses.replace(DQN, counterfactual=counterfactual, **changes)
-        return dqn_loss(config, network, table, params, embedding, params, embedding, batch)[0]
+    def huber(goal):
+        error = np.abs(q[np.arange(size), :, batch.action] - goal)
+        return np.where(error < 1, 0.5 * error**2, error - 0.5)
 
-    assert loss(True) == pytest.approx(huber[:, np.asarray(table.verdict) == 0].mean(), rel=1e-4)
-    assert loss(False) == pytest.approx(huber[:, 3].mean(), rel=1e-4)
-    for switches in ({"printed_argmax": True}, {"double": False}, {"timeout_is_terminal": True}):
-        config = dataclasses.replace(DQN, **switches)
-        goal = td_targets(config, table, after, after, batch.shared, batch.cut)[:, 3]
-        error = np.abs(np.asarray(q[np.arange(size), 3, batch.action] - goal))
-        expected = np.where(error < 1, 0.5 * error**2, error - 0.5).mean()
-        assert loss(False, **switches) == pytest.approx(expected, rel=1e-4), switches
+    loss, goal = counterfactual
+    assert loss == pytest.approx(huber(goal)[:, np.asarray(table.verdict) == 0].mean(), rel=1e-4)
+    for switch, (loss, goal) in zip(switches, plain, strict=True):
+        assert loss == pytest.approx(huber(goal)[:, 3].mean(), rel=1e-4), switch
 
 
 def test_codes_of_all_encoders_are_of_the_same_length_to_the_bilinear_head(env):
@@ -176,17 +192,23 @@ def test_probe_is_solved(env, network):
     given = env.make_params(0)
     state = jax.jit(agent.init)(jax.random.key(0), given)
     iterate = jax.jit(agent.iterate, donate_argnums=0)
-    for _ in range(20):
+    for _ in range(ITERATIONS):
         state, _ = iterate(state, given)
-    embedding, row, steps = agent.embed(state.params, env.table), env.table.initial_row[0], 0
-    env_state = env.reset_to_row(jax.random.key(1), row)
-    while not env_state.done and steps < 10:
+    embedding, row = jax.jit(agent.embed)(state.params, env.table), env.table.initial_row[0]
+
+    @jax.jit
+    def step(env_state):
         action = agent.act(state.params, embedding, (), env_state.obs, env.row(env_state), jax.random.key(2), True)
-        env_state, steps = env.step(env_state, action), steps + 1
+        return env.step(env_state, action)
+
+    env_state, steps = jax.jit(env.reset_to_row)(jax.random.key(1), row), 0
+    while not env_state.done and steps < 10:
+        env_state, steps = step(env_state), steps + 1
     assert steps == 3 and env_state.reward == 1
 
     # Up is wanted in row 2 and Down in row 3: with the other's code the greedy action is another one.
-    same, other = (agent.compare(state.params, (), jnp.ones((1, 3)), embedding[2], embedding[row]) for row in (2, 3))
+    compare = jax.jit(lambda code: agent.compare(state.params, (), jnp.ones((1, 3)), code, embedding[row]))
+    same, other = compare(embedding[2]), compare(embedding[3])
     assert same == (0, 0) and other[0] == 1
 
 
@@ -197,20 +219,18 @@ def test_epsilon_falls_linearly_and_stays():
 
 
 @pytest.mark.slow
-def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(env):
-    agent = make(env, ONE_HOT, unroll_length=10, learning_starts=8 * 20, target_period=15)
-    init, iterate = jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
-    given = env.make_params(0)
-    start = init(jax.random.key(0), given)
-    one, _ = iterate(start, given)
-    two, _ = iterate(one, given)
+def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(learner):
+    _, init, iterate = learner
+    start = init(jax.random.key(0))
+    one, _ = iterate(start)
+    two, _ = iterate(one)
     chex.assert_trees_all_equal(two.params, start.params)  # 20 steps of 8 environments: not yet more than 160
-    three, _ = iterate(two, given)
+    three, _ = iterate(two)
     assert any((a != b).any() for a, b in zip(*map(jax.tree.leaves, (three.params, start.params)), strict=True))
     chex.assert_trees_all_equal(three.target_params, start.params)  # next copy at gradient step 30
-    four, _ = iterate(three, given)
+    four, _ = iterate(three)
     assert any((a != b).any() for a, b in zip(*map(jax.tree.leaves, (four.target_params, start.params)), strict=True))
-    assert four.iteration == 4 and iterate._cache_size() == 1  # traced and compiled once
+    assert four.iteration == 4  # traced once
 
 
 @pytest.mark.slow
@@ -224,10 +244,12 @@ def test_a_frozen_encoder_stays_and_all_else_learns(env):
     for part in set(before) - {"task_encoder"}:
         leaves = zip(jax.tree.leaves(after[part]), jax.tree.leaves(before[part]), strict=True)
         assert any((a != b).any() for a, b in leaves), part
-    chex.assert_trees_all_close(state.target_embedding, agent.embed(state.params, env.table), atol=1e-6)
+    embedding = jax.jit(agent.embed)(state.params, env.table)
+    chex.assert_trees_all_close(state.target_embedding, embedding, atol=1e-6)
 
 
 @pytest.mark.slow
+<<<<<<< HEAD
 def test_movement_is_measured_of_an_encoder_that_learns(env):
     """By a step size of its own, which is far larger than that of the rest: 0."""
     given = env.make_params(0)
@@ -271,6 +293,12 @@ def test_replay_wraps_around_and_keeps_the_newest(env):
     given = env.make_params(0)
     state, _ = jax.jit(agent.iterate)(jax.jit(agent.init)(jax.random.key(0), given), given)
     assert state.buffer.is_full and state.buffer.current_index == (20 * 8) % 64
+=======
+def test_replay_wraps_around_and_keeps_the_newest(learner):
+    _, init, iterate = learner
+    state, _ = iterate(init(jax.random.key(0)))
+    assert state.buffer.is_full and state.buffer.current_index == (10 * 8) % 64
+>>>>>>> tests9
     stored = state.buffer.experience
     assert stored.obs.shape == (1, 64, 3)
     labels_match = np.asarray(stored.shared.letter[0]) == np.array([0, 1, 2])[np.asarray(stored.action[0])]
@@ -278,13 +306,15 @@ def test_replay_wraps_around_and_keeps_the_newest(env):
 
 
 @pytest.mark.slow
-def test_vmapped_seeds_equal_single_seeds(env):
-    agent = make(env, ONE_HOT, unroll_length=10, learning_starts=40)
-    keys = jax.random.split(jax.random.key(3), 2)
-    given = env.make_params(0)
-    init, iterate = (jax.vmap(function, (0, None)) for function in (agent.init, agent.iterate))
-    together, metrics_all = jax.jit(iterate)(jax.jit(init)(keys, given), given)
-    alone, metrics_one = jax.jit(agent.iterate)(jax.jit(agent.init)(keys[1], given), given)
+def test_vmapped_seeds_equal_single_seeds(env, learner):
+    """In the third iteration they learn."""
+    agent, init, iterate = learner
+    keys, given = jax.random.split(jax.random.key(3), 2), env.make_params(0)
+    init_all, iterate_all = (jax.jit(jax.vmap(function, (0, None))) for function in (agent.init, agent.iterate))
+    together, alone = init_all(keys, given), init(keys[1])
+    for _ in range(3):
+        together, metrics_all = iterate_all(together, given)
+        alone, metrics_one = iterate(alone)
     chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], metrics_all), metrics_one, atol=1e-3)
     chex.assert_trees_all_equal(
         jax.tree.map(lambda x: x[1], together.buffer.experience.action), alone.buffer.experience.action

@@ -26,6 +26,7 @@ NETWORK = NetworkConfig(
     actor_layers=(16,),
     critic_layers=(16,),
 )
+ITERATIONS = 30  # enough for every encoder; most need 20
 ONE_HOT = dataclasses.replace(NETWORK, task_encoder=OneHotConfig())  # compiles faster where the encoder does not matter
 
 
@@ -35,7 +36,7 @@ def env():
     return TaskEnv(probe, compile_tasks(["F(Up & F(Down & F Up))"], probe.propositions, probe.alphabet))
 
 
-def make(env, iterations=60, network=NETWORK, **changes):
+def make(env, iterations=ITERATIONS, network=NETWORK, **changes):
     return make_ppo(env, dataclasses.replace(PPO, network=network, **changes), episode_length=20, iterations=iterations)
 
 
@@ -47,27 +48,34 @@ def learner(env):
     return agent, lambda key: init(key, given), lambda state: iterate(state, given)
 
 
+@pytest.fixture(scope="module")
+def rollout(env):
+    """State before and after one iteration of many environments with exploration noise, and its metrics.
+
+    One epoch of one minibatch with a vanishing learning rate: the update sees what the rollout did.
+    """
+    sizes = {"num_envs": 512, "minibatch_size": 512 * PPO.unroll_length, "epochs": 1}
+    agent, given = make(env, noise_time=20.0, learning_rate=0.0, **sizes), env.make_params(0)
+    state = jax.jit(agent.init)(jax.random.key(0), given)
+    return state, *jax.jit(agent.iterate)(state, given)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("network", "noise_time"), [(ONE_HOT, 20.0), (NETWORK, 0.0)])
-def test_replaying_a_stored_rollout_gives_probability_ratio_one(env, network, noise_time):
-    """One epoch of one minibatch with a vanishing learning rate: the update sees what the rollout did."""
-    agent = make(env, network=network, noise_time=noise_time, epochs=1, minibatch_size=256, learning_rate=0.0)
-    state = jax.jit(agent.init)(jax.random.key(0), env.make_params(0))
-    state, metrics = jax.jit(agent.iterate)(state, env.make_params(0))
+def test_replaying_a_stored_rollout_gives_probability_ratio_one(rollout):
+    """Without noise see `test_ppo_discrete.py` and `test_ppo_context.py`."""
+    _, _, metrics = rollout
     assert metrics.episodes.episodes > 0  # the rollout crosses episode ends
     assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
 
 
 @pytest.mark.slow
-def test_exploration_noise_keeps_its_variance_and_correlation(env):
+def test_exploration_noise_keeps_its_variance_and_correlation(rollout):
     """An AR(1) process of the promised time scale, each value N(0, 1) by itself: the density that the loss assumes."""
     config = dataclasses.replace(PPO, noise_time=20.0, noise_decay=0.5)
     np.testing.assert_allclose(noise_correlation(config, jnp.float32(0)), np.exp(-1 / 20), atol=1e-6)
     np.testing.assert_allclose(noise_correlation(config, jnp.float32(0.25)), np.exp(-1 / 10), atol=1e-6)
     assert noise_correlation(config, jnp.float32(0.5)) == noise_correlation(config, jnp.float32(0.9)) == 0
-    agent = make(env, network=ONE_HOT, noise_time=20.0, num_envs=512, learning_rate=0.0)
-    state = jax.jit(agent.init)(jax.random.key(0), env.make_params(0))
-    after, _ = jax.jit(agent.iterate)(state, env.make_params(0))  # 16 steps at the start of the run
+    state, after, _ = rollout  # 16 steps at the start of the run
     before, after = np.asarray(state.noise).ravel(), np.asarray(after.noise).ravel()
     assert after.std() == pytest.approx(1.0, abs=0.12)
     assert np.corrcoef(before, after)[0, 1] == pytest.approx(np.exp(-16 / 20), abs=0.15)
@@ -107,7 +115,7 @@ def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
 def test_probe_is_solved_by_reading_the_formula(env, learner):
     agent, init, iterate = learner
     state = init(jax.random.key(0))
-    for _ in range(60):
+    for _ in range(ITERATIONS):
         state, metrics = iterate(state)
     totals = metrics.episodes
     assert totals.successes >= 0.95 * totals.episodes
@@ -115,20 +123,23 @@ def test_probe_is_solved_by_reading_the_formula(env, learner):
     assert totals.discounted_return / totals.episodes > 0.6
 
     # Up is wanted in row 2 and Down in row 3: the agent decides otherwise where the code of its row is exchanged.
-    codes = agent.embed(state.params, env.table)
-    same, other = (agent.compare(state.params, (), jnp.ones((5, 3)), codes[2], codes[row]) for row in (2, 3))
+    codes = jax.jit(agent.embed)(state.params, env.table)
+    compare = jax.jit(lambda code: agent.compare(state.params, (), jnp.ones((5, 3)), codes[2], code))
+    same, other = compare(codes[2]), compare(codes[3])
     np.testing.assert_allclose(same, 0.0, atol=1e-6)
     assert (other[0] > 1.0).all()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task_encoder", [OneHotConfig(), RGCNConfig(), GRUConfig(width=16, output=8)])
+@pytest.mark.parametrize(
+    "task_encoder", [OneHotConfig(), RGCNConfig(width=16, output=8), GRUConfig(width=16, output=8)]
+)
 def test_other_task_encoders_solve_the_probe_too(env, task_encoder):
     network = dataclasses.replace(NETWORK, task_encoder=task_encoder)
     agent, given = make(env, network=network), env.make_params(0)
     state = jax.jit(agent.init)(jax.random.key(0), given)
     iterate = jax.jit(agent.iterate)
-    for _ in range(60):
+    for _ in range(ITERATIONS):
         state, metrics = iterate(state, given)
     assert metrics.episodes.length / metrics.episodes.episodes < 4.5
 
@@ -150,6 +161,7 @@ def test_vmapped_seeds_equal_single_seeds(env, learner):
         alone, metrics_one = iterate_one(alone)
     chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], metrics_all), metrics_one, atol=1e-3)
 
+    @jax.jit
     def behaviour(params):
         rows = jnp.arange(env.table.num_rows)
         return agent.act(

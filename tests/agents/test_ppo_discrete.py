@@ -54,13 +54,14 @@ def test_replaying_a_stored_rollout_gives_probability_ratio_one(probe):
 def test_probe_is_solved_by_choosing_while_the_frozen_encoder_stays(probe):
     """A random encoder tells the three sub-tasks apart, so the other layers can learn from it."""
     network = dataclasses.replace(NETWORK, env_layers=(16,), actor_layers=(16,), freeze_task_encoder=True)
-    agent = make_ppo(probe, dataclasses.replace(PPO, network=network), episode_length=20, iterations=60)
+    agent = make_ppo(probe, dataclasses.replace(PPO, network=network), episode_length=20, iterations=30)
     start = jax.jit(agent.init)(jax.random.key(0), probe.make_params(0)).params["params"]
-    state, metrics = train(probe, agent, 60)
+    state, metrics = train(probe, agent, 30)
     assert metrics.episodes.length / metrics.episodes.episodes < 4.5  # optimal 3, at random about 9
     row = probe.table.initial_row[0]
-    embedding = agent.embed(state.params, probe.table)
-    action = agent.act(state.params, embedding, (), jnp.ones(3), row, jax.random.key(0), True)
+    embedding = jax.jit(agent.embed)(state.params, probe.table)
+    act = jax.jit(agent.act, static_argnums=6)
+    action = act(state.params, embedding, (), jnp.ones(3), row, jax.random.key(0), True)
     assert action == 1 and action.dtype == jnp.int32  # Up
     after = state.params["params"]
     chex.assert_trees_all_equal(start["task_encoder"], after["task_encoder"])

@@ -43,16 +43,19 @@ def act(network, params):
         jnp.asarray(rng.normal(size=(*shape, *size)), jnp.float32) for size in ((OBSERVATION,), (2,), ())
     )
     ended = jnp.asarray(rng.random(shape) < 0.25).at[before - 1, 0].set(True)
-    carry, windows, after = repeated(network.begin(OBSERVATION), SEGMENTS), [], []
-    for t in range(len(obs)):
-        windows.append(carry)
-        carry = network.apply(params, carry, obs[t], action[t], reward[t], method="remember")
-        after.append(carry)
-        carry = network.next_episode(carry, ended[t])
-    windows, after = (jax.tree.map(lambda *x: jnp.stack(x[before:], 1), *each) for each in (windows, after))
-    obs, action, reward, ended = (jnp.swapaxes(x[before:], 0, 1) for x in (obs, action, reward, ended))
+
+    def step(carry, now):
+        obs, action, reward, ended = now
+        after = network.apply(params, carry, obs, action, reward, method="remember")
+        return network.next_episode(after, ended), (carry, after)
+
+    start = repeated(network.begin(OBSERVATION), SEGMENTS)
+    _, windows = jax.jit(lambda *given: jax.lax.scan(step, *given))(start, (obs, action, reward, ended))
+    windows, after, (obs, action, reward, ended) = jax.tree.map(
+        lambda x: jnp.swapaxes(x[before:], 0, 1), (*windows, (obs, action, reward, ended))
+    )
     assert ended[:, :-1].any() and not ended.all()
-    seen = None if network.config.context.recompute else network.apply(params, obs, method="see")
+    seen = None if network.config.context.recompute else jax.jit(partial(network.apply, method="see"))(params, obs)
     start = jax.tree.map(lambda x: x[:, 0], windows)
     return obs, action, windows, after, Segment(start, action, reward, ended, seen)
 
@@ -61,19 +64,22 @@ def act(network, params):
 def test_windows_of_a_segment_are_those_that_acted(reset):
     network, params = make_network(reset=reset)
     obs, _, windows, after, segment = act(network, params)
-    for later, expected in ((False, windows), (True, after)):
+
+    @partial(jax.jit, static_argnums=3)
+    def from_segment(segment, obs, action, later):
         valid = valid_in_windows(segment, reset, later)
-        np.testing.assert_array_equal(valid, expected.valid)
-        for old, new, kept in (
-            (segment.start.seen, obs, expected.seen),
-            (segment.start.action, segment.action, expected.action),
-        ):
-            stacked = stack_windows(jnp.concatenate([old, new], 1), 1, STEPS, later)
-            np.testing.assert_array_equal(jnp.where(valid[..., None], stacked, 0), kept)
+        stacks = ((segment.start.seen, obs), (segment.start.action, action))
+        stacks = [stack_windows(jnp.concatenate(parts, 1), 1, STEPS, later) for parts in stacks]
+        return valid, *(jnp.where(valid[..., None], stacked, 0) for stacked in stacks)
+
+    for later, expected in ((False, windows), (True, after)):
+        stacked = from_segment(segment, obs, segment.action, later)
+        jax.tree.map(np.testing.assert_array_equal, stacked, (expected.valid, expected.seen, expected.action))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
+<<<<<<< HEAD
     ("reader", "recompute", "reset"),
     [
         *itertools.product((sizes.TRANSFORMER, dataclasses.replace(sizes.TRANSFORMER, masked=False)), *SWITCHES),
@@ -82,6 +88,14 @@ def test_windows_of_a_segment_are_those_that_acted(reset):
 )
 def test_loss_gradients_and_values_are_those_of_samples_with_their_own_windows(reader, recompute, reset):
     network, params = make_network(reset=reset, recompute=recompute, reader=reader)
+=======
+    ("reset", "recompute", "masked"),  # every two of the switches in all four ways
+    [(True, True, True), (True, False, False), (False, True, False), (False, False, True)],
+)
+def test_loss_gradients_and_values_are_those_of_samples_with_their_own_windows(reset, recompute, masked):
+    transformer = dataclasses.replace(sizes.TRANSFORMER, masked=masked)
+    network, params = make_network(reset=reset, recompute=recompute, transformer=transformer)
+>>>>>>> tests9
     obs, action, windows, after, segment = act(network, params)
     rng = np.random.default_rng(1)
     log_prob, value, advantage = (jnp.asarray(rng.normal(size=(SEGMENTS, STEPS)), jnp.float32) for _ in range(3))
@@ -100,8 +114,9 @@ def test_loss_gradients_and_values_are_those_of_samples_with_their_own_windows(r
     assert any(jnp.abs(leaf).max() > 1e-4 for leaf in jax.tree.leaves(together[1]["params"]["context_encoder"]))
 
     next_obs = jnp.asarray(rng.normal(size=obs.shape), jnp.float32)
-    together = network.apply(params, obs, next_obs, task, segment, method="value_after")
-    samples = network.apply(params, next_obs, task, after, method="value")
+    apply = jax.jit(network.apply, static_argnames="method")
+    together = apply(params, obs, next_obs, task, segment, method="value_after")
+    samples = apply(params, next_obs, task, after, method="value")
     np.testing.assert_allclose(together, samples, rtol=1e-5, atol=1e-6)
 
 

@@ -16,6 +16,8 @@ from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.program import OVER_SEEDS, params_of_seeds
 
 BATCH = 8
+OPTIMISED = {"xla_backend_optimization_level": 1}
+"""Compiler options of programs that run much longer than they compile; see `tests/conftest.py`."""
 
 
 @pytest.fixture(scope="module", params=["fixed", "pool", "drawn"])
@@ -57,9 +59,10 @@ def test_interface(env):
 
 
 def test_typed_and_legacy_keys_give_the_same_reset(env):
-    typed, legacy = env.reset(jax.random.key(5)), env.reset(jax.random.PRNGKey(5))
+    reset = jax.jit(env.reset)
+    typed, legacy = reset(jax.random.key(5)), reset(jax.random.PRNGKey(5))
     jax.tree.map(np.testing.assert_array_equal, typed, legacy)
-    other = env.reset(jax.random.key(6))
+    other = reset(jax.random.key(6))
     assert np.array_equal(typed.obs, other.obs) == (env.config.layout == "fixed")
 
 
@@ -73,15 +76,16 @@ def test_vmap_equals_loop_through_a_scan(env):
         return states, (states.obs, jax.vmap(env.labels)(states))
 
     run = jax.jit(lambda states: jax.lax.scan(step, states, actions))
-    last, (obs, labels) = run(jax.vmap(env.reset)(keys))
-    jax.tree.map(np.testing.assert_array_equal, (last, (obs, labels)), run(jax.vmap(env.reset)(keys)))
-    alone = jax.jit(env.step)
+    start = jax.jit(jax.vmap(env.reset))(keys)
+    last, (obs, labels) = jax.tree.map(np.asarray, run(start))
+    jax.tree.map(np.testing.assert_array_equal, (last, (obs, labels)), run(start))
+    reset, alone = jax.jit(env.reset), jax.jit(lambda *given: (state := env.step(*given), env.labels(state)))
     for i in range(BATCH):
-        state = env.reset(keys[i])
-        for t in range(100):
-            state = alone(state, actions[t, i])
+        state = reset(keys[i])
+        for t, action in enumerate(np.asarray(actions[:, i])):
+            state, now = alone(state, action)
             np.testing.assert_allclose(obs[t, i], state.obs, atol=2e-5)
-            np.testing.assert_array_equal(labels[t, i], env.labels(state))
+            np.testing.assert_array_equal(labels[t, i], now)
     assert not last.reward.any() and not last.done.any()
 
 
@@ -112,7 +116,7 @@ def test_environments_can_be_copied(env):
 def test_auto_reset_of_brax_restores_world_and_task(task_env):
     """Episodes are cut after 30 steps; afterwards world, contacts and task row are those of the first state."""
     wrapped = AutoResetWrapper(EpisodeWrapper(VmapWrapper(task_env), episode_length=30, action_repeat=1))
-    first = wrapped.reset(jax.random.split(jax.random.PRNGKey(0), BATCH))  # its wrappers want legacy keys
+    first = jax.jit(wrapped.reset)(jax.random.split(jax.random.PRNGKey(0), BATCH))  # its wrappers want legacy keys
     state, step, ended = first, jax.jit(wrapped.step), np.zeros(BATCH, int)
     for t in range(90):
         state = step(state, jax.random.randint(jax.random.key(t), (BATCH,), 0, 5))
@@ -166,7 +170,8 @@ def test_random_play_of_the_ten_published_tasks():
 
     keys, turns = jax.random.split(jax.random.key(0), (10, per_map)), jnp.arange(10 * per_map).reshape(10, per_map)
     on_a_map = jax.vmap(episode, (None, 0, 0))
-    lengths, total = jax.jit(jax.vmap(on_a_map, (OVER_SEEDS, 0, 0)))(params_of_seeds(env, range(1, 11)), keys, turns)
+    play = jax.jit(jax.vmap(on_a_map, (OVER_SEEDS, 0, 0)), compiler_options=OPTIMISED)
+    lengths, total = play(params_of_seeds(env, range(1, 11)), keys, turns)
     paid = np.asarray(total).reshape(-1, 10).mean(axis=0)
     published = np.array([0.90, 0.89, 0.93, 0.79, 0.80, 0.80, 0.68, 0.52, 0.02, 0.03])
     # 600 episodes here and 120 there for every task: 4 standard errors of the difference.
@@ -195,7 +200,7 @@ def _play_randomly(env, seeds, each):
         return env.row(state), length, total
 
     keys = jax.random.split(jax.random.key(0), (len(seeds), each))
-    play = jax.jit(jax.vmap(jax.vmap(episode, (None, 0)), (OVER_SEEDS, 0)))
+    play = jax.jit(jax.vmap(jax.vmap(episode, (None, 0)), (OVER_SEEDS, 0)), compiler_options=OPTIMISED)
     return jax.tree.map(np.ravel, play(params_of_seeds(env, seeds), keys))
 
 

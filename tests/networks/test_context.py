@@ -136,7 +136,7 @@ def test_empty_slots_never_matter_and_order_does_unless_as_published(name):
 
     # No step yet: a code without NaN in value or gradient; 0 where empty slots are masked.
     nothing = random_window((2,), config, False)
-    gradient = jax.grad(lambda p: jnp.sum(code(p, nothing) ** 2 + code(p, window) ** 2))(params)
+    gradient = jax.jit(jax.grad(lambda p: jnp.sum(code(p, nothing) ** 2 + code(p, window) ** 2)))(params)
     chex.assert_tree_all_finite((code(params, nothing), gradient))
     assert published or not code(params, nothing).any()
     np.testing.assert_allclose(code(params, jax.tree.map(lambda x: x[0], window)), code(params, window)[0], atol=1e-6)
@@ -152,7 +152,8 @@ def test_gradient_reaches_the_environment_encoder_through_the_window_iff_recompu
     obs, row = jnp.ones((2, 4)), jnp.full(2, 2)
     begin = repeated(network.begin(4), 2)
     params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(0), table, obs, row, begin)
-    carry = network.apply(params, begin, obs, jnp.ones((2, 1)), jnp.ones(2), method="remember")
+    remember = jax.jit(partial(network.apply, method="remember"))
+    carry = remember(params, begin, obs, jnp.ones((2, 1)), jnp.ones(2))
     assert carry.seen.shape == (2, 3, 4 if recompute else 6)
 
     gradient = jax.jit(jax.grad(lambda p: network.apply(p, carry, method="context").sum()))(params)["params"]

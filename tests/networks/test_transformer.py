@@ -109,7 +109,7 @@ def test_short_attention_is_attention(masked):
 def test_attention_weights_are_distributions_over_real_tokens():
     table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one", length=12)
     encoder = TransformerTaskEncoder(CORRECTED)
-    params = encoder.init(jax.random.key(0), table)["params"]
+    params = jax.jit(encoder.init)(jax.random.key(0), table)["params"]
     weights = attention_weights(encoder, params, table)
     assert weights.shape == (2, table.num_rows, 8, 12, 12)
     np.testing.assert_allclose(weights.sum(-1), 1.0, atol=1e-5)
