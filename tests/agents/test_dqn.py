@@ -249,7 +249,6 @@ def test_a_frozen_encoder_stays_and_all_else_learns(env):
 
 
 @pytest.mark.slow
-<<<<<<< HEAD
 def test_movement_is_measured_of_an_encoder_that_learns(env):
     """By a step size of its own, which is far larger than that of the rest: 0."""
     given = env.make_params(0)
@@ -288,17 +287,10 @@ def test_code_change_is_that_of_the_open_rows(env):
 
 
 @pytest.mark.slow
-def test_replay_wraps_around_and_keeps_the_newest(env):
-    agent = make(env, ONE_HOT, buffer_size=64, unroll_length=20, learning_starts=10_000)
-    given = env.make_params(0)
-    state, _ = jax.jit(agent.iterate)(jax.jit(agent.init)(jax.random.key(0), given), given)
-    assert state.buffer.is_full and state.buffer.current_index == (20 * 8) % 64
-=======
 def test_replay_wraps_around_and_keeps_the_newest(learner):
     _, init, iterate = learner
     state, _ = iterate(init(jax.random.key(0)))
     assert state.buffer.is_full and state.buffer.current_index == (10 * 8) % 64
->>>>>>> tests9
     stored = state.buffer.experience
     assert stored.obs.shape == (1, 64, 3)
     labels_match = np.asarray(stored.shared.letter[0]) == np.array([0, 1, 2])[np.asarray(stored.action[0])]
