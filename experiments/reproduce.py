@@ -28,7 +28,7 @@ class Arguments:
     the same command goes on with what is not."""
 
     only: str = ""
-    """Items, separated by commas; all by default. --list True shows them."""
+    """Items, or single runs of them, separated by commas; all items by default. --list True shows them."""
     scale: Literal["smoke", "full"] = "full"
     """full: 12 seeds and the paper's budgets, for GPUs. smoke: every item with tiny networks and budgets on a CPU, to
     see that all of it runs; its figures mean nothing and say so."""
@@ -65,11 +65,13 @@ def _main(texts: Sequence[str]) -> int:
         from t2tl_jax.runs.config import RunConfig
         from t2tl_jax.training.seeds import parse_seeds
 
+    runs = all_runs()
     chosen = [name.strip() for name in arguments.only.split(",") if name.strip()] or list(ITEMS)
     for name in chosen:
-        if name not in ITEMS:
+        if name not in ITEMS and name not in runs:
             raise unknown("item", name, ITEMS)
-    items = {name: ITEMS[name] for name in chosen}
+    names = [run for name in chosen for run in (ITEMS[name].names(arguments.scale) if name in ITEMS else [name])]
+    items = {name: item for name, item in ITEMS.items() if name in chosen or not set(names).isdisjoint(item.runs)}
     if arguments.list:
         for name, item in items.items():
             print(f"{name:22} {item.title}\n{'':22} {', '.join(item.runs)}")
@@ -85,8 +87,6 @@ def _main(texts: Sequence[str]) -> int:
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
     compilation_cache.use(RunConfig().compilation_cache)
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
-    runs = all_runs()
-    names = list(dict.fromkeys(run for item in items.values() for run in item.names(arguments.scale)))
     failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes))
     if arguments.keep:
         if arguments.scale != "full":

@@ -25,6 +25,9 @@ ENDS = ("complete", "converged", "success")
 
 OUT_OF_TIME = "out of time"
 
+WAIT = 2.0
+"""Seconds between two looks at what other processes have done."""
+
 READING = "attention.json"
 """What reading the agents of a run leaves in its folder."""
 
@@ -87,22 +90,32 @@ def do_all(
     base.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
     open_runs = [name for name in needed(runs, names) if not is_done(runs[name], base / name)]
-    for number, name in enumerate(open_runs, 1):
-        before = runs[name].before
-        if deadline.passed:
-            break
-        if before is not None and not is_done(runs[before], base / before):
-            continue  # another process is at it, or it was cut
-        with _claimed(base / f"{name}.lock") as mine:
-            if mine and not is_done(runs[name], base / name):
+    total = len(open_runs)
+    while open_runs and not deadline.passed:
+        number, elsewhere = len(open_runs), False
+        for name in list(open_runs):
+            before = runs[name].before
+            if deadline.passed or before in open_runs:
+                continue
+            with _claimed(base / f"{name}.lock") as mine:
+                if not mine:
+                    elsewhere = True
+                    continue
+                open_runs.remove(name)
+                if is_done(runs[name], base / name):
+                    continue
                 began = time.monotonic()
-                say(f"[{number}/{len(open_runs)}] {name}")
+                say(f"[{total - len(open_runs)}/{total}] {name}")
                 try:
                     ended = do(runs[name], scale, base / name, None if before is None else base / before, deadline)
                 except Exception as error:  # hours of other runs should not end with this one
                     failed.append(name)
                     ended = f"failed: {type(error).__name__}: {error}"
                 say(f"    {ended} after {time.monotonic() - began:.0f} s")
+        if len(open_runs) == number:
+            if not elsewhere:
+                break
+            time.sleep(WAIT)  # for what another process is doing
     return failed
 
 
