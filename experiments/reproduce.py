@@ -82,6 +82,8 @@ def _main(texts: Sequence[str]) -> int:
         return 0
     if arguments.minutes <= 0:
         raise UserError(f"minutes must be positive, got {arguments.minutes:g}")
+    if arguments.keep and arguments.scale != "full":
+        raise UserError("results of a smoke test are not kept in the repository")
     parse_seeds(arguments.seeds)  # raises for what is no list of seeds
     if arguments.scale == "smoke":
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
@@ -89,8 +91,6 @@ def _main(texts: Sequence[str]) -> int:
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
     failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes))
     if arguments.keep:
-        if arguments.scale != "full":
-            raise UserError("results of a smoke test are not kept in the repository")
         for name in work.needed(runs, names):
             if work.is_done(runs[name], base / name):
                 stored.keep(name, base / name, RESULTS / name)

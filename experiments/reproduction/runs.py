@@ -69,8 +69,7 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
     for width in WIDTHS:
         config = _with_encoder(apply(base, "t1tl"), output=width)
         new[f"zone-t1tl-fresh-{width}"] = Run(replace(config, pretrained=""))
-    for width in (1, 16, 32):
-        new[f"zone-dfa-{width}"] = Run(_with_encoder(apply(base, "dfa"), size=width))
+    new["zone-dfa-32"] = Run(_with_encoder(apply(base, "dfa"), size=32))  # 1 and 16 are among the six methods
     short = named_config("zone_ppo")
     for method in ("t2tl", "t1tl", "gnn"):
         for kind in ("none", "own", "random"):
@@ -119,8 +118,10 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
     t1tl, one_hot = apply(base, "t1tl"), apply(base, "rm")
     for name, config, before in (("t1tl", t1tl, "water-pretraining-transformer"), ("rm", one_hot, None)):
         learner = config.learner
+        if name == "t1tl":  # of the one-hot code this is dfa
+            own = replace(config, learner=_changed(learner, counterfactual=False))
+            new["water-t1tl-own-row"] = Run(own, before)
         for variant, changed in (
-            ("own-row", replace(config, learner=_changed(learner, counterfactual=False))),
             ("printed-argmax", replace(config, learner=_changed(learner, printed_argmax=True))),
             ("random-starts", replace(config, random_starts=0.5)),
             ("every-step", replace(config, learner=_changed(learner, updates_per_step=16))),
@@ -134,12 +135,11 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
         unfrozen = _changed(config.learner, network=replace(config.learner.network, freeze_task_encoder=False))
         new[f"water-{method}-pre-none"] = Run(replace(config, learner=unfrozen))
 
-    for width in WIDTHS:
-        if width != 32:  # the default
-            config = _with_encoder(t1tl, output=width)
-            before = _pretraining(runs, f"water-{width}", config, "own", new)
-            new[f"water-t1tl-{width}"] = Run(config, before)
-    for width in (6, 16, 32):
+    for width in (8, 16):  # 32 is the default
+        config = _with_encoder(t1tl, output=width)
+        before = _pretraining(runs, f"water-{width}", config, "own", new)
+        new[f"water-t1tl-{width}"] = Run(config, before)
+    for width in (6, 32):  # 16 is the default
         new[f"water-rm-{width}"] = Run(_with_encoder(one_hot, size=width))
     return new
 
