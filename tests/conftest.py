@@ -1,9 +1,9 @@
 """Programs that several tests compile are compiled once: all processes of one session share a temporary cache on disk.
 
 Most programs here take longer to compile than to run, so XLA is told to work less on them: LLVM does not optimise, and
-fused operations are written by XLA's older and simpler generator, all of a program as one module. What is compiled stays the same, only the machine
-code is slower. Tracing makes many small objects that live as long as the session; Python looks for garbage among them
-less often.
+fused operations are written by XLA's older and simpler generator, all of a program as one module. What is compiled
+stays the same; the machine code is slower, and may round otherwise. Tracing makes many small objects that live as long
+as the session; Python looks for garbage among them less often.
 """
 
 import gc

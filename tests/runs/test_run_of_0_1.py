@@ -51,6 +51,7 @@ def test_both_kinds_of_parameters_are_there_and_act(run, which, other):
         t2tl_jax.load(run, checkpoint=other)
 
 
+@pytest.mark.slow
 def test_it_is_evaluated_beside_its_earlier_evaluation(run, read_json, capsys):
     (earlier,) = read_json(run / "evaluation.json")["evaluations"]
     assert evaluate.main([str(run), "--episodes", "3", "--episode-length", "5"]) == 0
