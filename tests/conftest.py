@@ -1,9 +1,9 @@
 """Programs that several tests compile are compiled once: all processes of one session share a temporary cache on disk.
 
 Most programs here take longer to compile than to run, so XLA is told to work less on them: LLVM does not optimise, and
-fused operations are written by XLA's older and simpler generator. What is compiled stays the same, only the machine
-code is slower. Tracing makes many small objects that live as long as the session; Python looks for garbage among them
-less often.
+fused operations are written by XLA's older and simpler generator, all of a program as one module. What is compiled
+stays the same; the machine code is slower, and may round otherwise. Tracing makes many small objects that live as long
+as the session; Python looks for garbage among them less often.
 """
 
 import gc
@@ -14,13 +14,17 @@ import jax
 import pytest
 
 FOLDER = "JAX_COMPILATION_CACHE_DIR"  # inherited by the workers of pytest-xdist, and by the commands that tests start
-# The second is an extra option because XLA ignores those that it does not know: newer versions have one generator only.
-LITTLE_WORK = "--xla_backend_optimization_level=0 --xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters"
+LITTLE_WORK = (
+    "--xla_backend_optimization_level=0",
+    # An extra option because XLA ignores those that it does not know: newer versions have one generator only.
+    "--xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters",
+    "--xla_cpu_parallel_codegen_split_count=1",
+)
 
 
 def pytest_configure(config: pytest.Config) -> None:
     # Read by XLA when the first program compiles. Who asks for other flags gets them.
-    os.environ["XLA_FLAGS"] = f"{LITTLE_WORK} {os.environ.get('XLA_FLAGS', '')}"
+    os.environ["XLA_FLAGS"] = " ".join((*LITTLE_WORK, os.environ.get("XLA_FLAGS", "")))
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
     os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
     if FOLDER not in os.environ:

@@ -42,7 +42,7 @@ def make(network):
     """Environment, agent, its first state, and one iteration compiled."""
     probe = DiscreteCueEnv()
     env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
-    agent = make_dqn(env, dataclasses.replace(DQN, network=network), EPISODE_LENGTH, iterations=60)
+    agent = make_dqn(env, dataclasses.replace(DQN, network=network), EPISODE_LENGTH, iterations=30)
     given, iterate = env.make_params(0), jax.jit(agent.iterate)
     state = jax.jit(agent.init)(jax.random.key(0), given)
     return env, agent, state, lambda state: iterate(state, given)
@@ -112,7 +112,7 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
 @pytest.mark.parametrize("other", [{}, {"context": dataclasses.replace(CONTEXT, reader=GRU), "head": "concat"}])
 def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner, other):
     env, agent, state, iterate = make(dataclasses.replace(NETWORK, **other)) if other else learner
-    for _ in range(60):
+    for _ in range(30):
         state, _ = iterate(state)
 
     def success(agent):

@@ -26,6 +26,7 @@ NETWORK = NetworkConfig(
     actor_layers=(16,),
     critic_layers=(16,),
 )
+OTHERS = (OneHotConfig(), RGCNConfig(width=16, output=8), GRUConfig(width=16, output=8))
 ITERATIONS = 30  # enough for every encoder; most need 20
 ONE_HOT = dataclasses.replace(NETWORK, task_encoder=OneHotConfig())  # compiles faster where the encoder does not matter
 
@@ -131,9 +132,7 @@ def test_probe_is_solved_by_reading_the_formula(env, learner):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "task_encoder", [OneHotConfig(), RGCNConfig(width=16, output=8), GRUConfig(width=16, output=8)]
-)
+@pytest.mark.parametrize("task_encoder", OTHERS)
 def test_other_task_encoders_solve_the_probe_too(env, task_encoder):
     network = dataclasses.replace(NETWORK, task_encoder=task_encoder)
     agent, given = make(env, network=network), env.make_params(0)

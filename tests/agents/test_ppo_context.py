@@ -37,7 +37,7 @@ PPO = dataclasses.replace(sizes.PPO, num_envs=32, unroll_length=8, epochs=1, min
 EPISODE_LENGTH = 5
 
 
-def make(iterations=300, **changes):
+def make(iterations=150, **changes):
     probe = CueEnv()
     env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
     network = dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, **changes))
@@ -111,7 +111,7 @@ def test_published_windows_run_on_and_belong_to_other_samples(aligned):
 def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner):
     env, agent, init, iterate = learner
     state = init(jax.random.key(0))
-    for _ in range(300):
+    for _ in range(150):
         state, metrics = iterate(state)
     assert metrics.episodes.successes >= 0.95 * metrics.episodes.episodes
 

@@ -27,7 +27,7 @@ def test_lidar_follows_the_definition(closed_form_env):
     rng = np.random.default_rng(0)
     qpos = np.concatenate([rng.uniform(-2.3, 2.3, (200, 2)), rng.uniform(-9, 9, (200, 1))], axis=1)
     zones = np.array(zone_layouts.FIXED_ZONES)
-    obs = jax.vmap(closed_form_env.reset_to, in_axes=(0, None))(jnp.asarray(qpos), jnp.zeros(3)).obs
+    obs = jax.jit(jax.vmap(closed_form_env.reset_to, (0, None)))(jnp.asarray(qpos), jnp.zeros(3)).obs
     for pose, lidars in zip(qpos, np.asarray(obs[:, 12:]).reshape(-1, 4, 16), strict=True):
         expected = [published_lidar(pose, zones[discs]) for discs in ([0, 1, 2], [3, 4], [5, 6, 7], [8, 9, 10])]
         np.testing.assert_allclose(lidars, expected, atol=3e-6)

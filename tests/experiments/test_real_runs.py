@@ -157,9 +157,9 @@ def test_a_checkpoint_holds_everything(config, tmp_path):
 def train(tmp_path):
     """Trains two seeds of a configuration at reduced size and returns the new folder."""
 
-    def command(name: str):
+    def command(name: str, *more: str):
         flags = ["--config", name, "--run.folder", str(tmp_path / "runs"), "--frames", "512", *SMALL]
-        assert run.main([*flags, *SMALL_LEARNER[name], "--seeds", "2", "--run.evaluation-episodes", "4"]) == 0
+        assert run.main([*flags, *SMALL_LEARNER[name], "--seeds", "2", *more]) == 0
         (made,) = (tmp_path / "runs" / name).iterdir()
         return made
 
@@ -169,7 +169,7 @@ def train(tmp_path):
 def test_ppo_trains_evaluates_and_draws(train):
     """That it resumes is shown by its checkpoint above, and for commands by `test_pretraining.py`."""
     name = "zone_ppo_closed_form"
-    folder = train(name)
+    folder = train(name, "--run.evaluation-episodes", "4")
     assert (folder / "episode.gif").exists() and (folder / "evaluation.json").read_text() != ""
     assert evaluate.main([str(folder), "--episodes", "4", "--which", "final", *OTHER_TASK[name]]) == 0
     assert compare.main([str(folder)]) == 0
@@ -178,9 +178,10 @@ def test_ppo_trains_evaluates_and_draws(train):
 
 def test_dqn_trains_evaluates_and_draws(train):
     name = "waterworld_dqn"
-    folder = train(name)
+    folder = train(name, "--run.evaluation-episodes", "0", "--run.gif", "False")
+    flags = ["--episodes", "4", "--which", "final", "--gif", "True"]
+    assert evaluate.main([str(folder), *flags, *OTHER_TASK[name]]) == 0
     assert (folder / "episode.gif").exists() and (folder / "evaluation.json").read_text() != ""
-    assert evaluate.main([str(folder), "--episodes", "4", "--which", "final", *OTHER_TASK[name]]) == 0
     assert compare.main([str(folder)]) == 0
 
 

@@ -56,6 +56,7 @@ def test_frames_are_rounded_up_and_explained(train, capsys):
     assert restored(folder)[0] == 3
 
 
+@pytest.mark.slow
 def test_training_longer_equals_training_long(train, resume):
     long = train("--frames", "1200", "--seeds", "2", "--run.evaluation-episodes", "0")
     short = train("--frames", "600", "--seeds", "2", "--run.evaluation-episodes", "0")

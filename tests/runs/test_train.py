@@ -22,6 +22,7 @@ from t2tl_jax import (
 )
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
+from tests.fake_learner import FakeConfig
 from tests.probe import ProbeEnv
 
 TASK = "F(Up & F Down)"
@@ -65,6 +66,11 @@ def run_it(**changes):
     return t2tl_jax.train(
         ProbeEnv(), TASK, PPO, **{"seeds": (3, 8), "frames": 3 * FRAMES, "episode_length": 8, **changes}
     )
+
+
+def run_fake(callbacks):
+    """As many iterations of a learner that compiles in an instant, for what does not depend on the learner."""
+    return t2tl_jax.train(ProbeEnv(), TASK, FakeConfig(), seeds=2, frames=300, callbacks=callbacks)
 
 
 @pytest.fixture(scope="module")
@@ -231,7 +237,7 @@ def test_callbacks_see_everything_in_order(run):
 
 def test_a_callback_ends_the_training_and_all_of_them_hear_of_it():
     first, second = Diary(stop_at=2), Diary()
-    result = run_it(callbacks=[first, second])
+    result = run_fake([first, second])
     assert (result.iteration, result.ended) == (2, "enough") and result.metrics["frames"].shape == (2, 2)
     assert first.entries == second.entries and second.entries[-1] == ("end", 2, "enough")
 
@@ -243,7 +249,7 @@ def test_what_a_callback_raises_ends_the_training():
 
     diary = Diary()
     with pytest.raises(RuntimeError, match="disk of my logger"):
-        run_it(callbacks=[diary, Broken()])
+        run_fake([diary, Broken()])
     assert diary.entries[-1] == ("end", 1, "failed")
 
 
@@ -254,7 +260,7 @@ def test_a_callback_may_end_it_before_it_begins():
 
     diary = Diary()
     with pytest.raises(t2tl_jax.Interrupted, match="only asked for the plan"):
-        run_it(callbacks=[Never(), diary])
+        run_fake([Never(), diary])
     assert [entry[0] for entry in diary.entries] == ["plan", "end"]
 
 

@@ -30,12 +30,13 @@ def play(env, actions, limit, turn=0):
     def act(carry, state, key):
         return script[carry], carry + 1, ()
 
-    params = env.make_params(0)
-    episodes = begin(env, params, jax.random.key(0), turn + 1, limit)
-    episodes = jax.tree.map(lambda x: x[turn:], episodes)
-    episodes, carry, steps = unroll(
-        env, params, Player(act), episodes, 0, jax.random.key(1), len(script), limit, DISCOUNT, keep=lambda step: step
-    )
+    @jax.jit
+    def run(params):
+        episodes = jax.tree.map(lambda x: x[turn:], begin(env, params, jax.random.key(0), turn + 1, limit))
+        given = (env, params, Player(act), episodes, 0, jax.random.key(1), len(script), limit, DISCOUNT)
+        return unroll(*given, keep=lambda step: step)
+
+    episodes, carry, steps = run(env.make_params(0))
     assert carry == len(script)  # carried from step to step, over the ends of episodes
     return jax.tree.map(lambda x: x[0], episodes), jax.tree.map(lambda x: x[:, 0] if x.ndim > 1 else x, steps)
 
@@ -123,7 +124,7 @@ def test_verdict_on_the_last_step_is_a_termination(env):
 
 def test_episodes_that_start_in_a_later_row_are_not_counted():
     env = task_env(random_starts=1.0)
-    episodes = begin(env, env.make_params(0), jax.random.key(0), 200, 10)
+    episodes = jax.jit(lambda given: begin(env, given, jax.random.key(0), 200, 10))(env.make_params(0))
     rows = np.asarray(env.row(episodes.state))
     assert set(rows) == set(np.flatnonzero(np.asarray(env.table.verdict) == 0))
     np.testing.assert_array_equal(episodes.task >= 0, rows == int(env.table.initial_row[0]))
