@@ -155,7 +155,7 @@ def _unit_time(runs: Runs) -> str:
         "published",
     )
     note = (
-        "The published unit is not known (the paper's R_i cannot be what its curves show), so only orders compare. "
+        "The published unit is not known (the paper's R_i cannot be what its curves show), so only orders compare.\n"
         "Pre-training and training compile side by side in use; here their seconds are added."
     )
     return f"{table(heading, rows)}\n\n{note}"

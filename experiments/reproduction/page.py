@@ -1,5 +1,6 @@
 """The page of results: every item as Markdown, from stored runs alone."""
 
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
 from experiments.reproduction.plan import Item
@@ -32,7 +33,7 @@ def page(items: Mapping[str, Item], runs: Mapping[str, Stored], smoke: bool) -> 
             parts.append(item.section(there))
             parts.append(made_by(there.values()))
         if missing:
-            parts.append(f"Not measured yet: {', '.join(missing)}.")
+            parts.append(textwrap.fill(f"Not measured yet: {', '.join(missing)}.", 120, break_on_hyphens=False))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 

@@ -76,7 +76,7 @@ def section(runs: dict[str, Stored]) -> str:
         "compiling the table",
     )
     note = (
-        "The paper calls the Transformer's representation built on the fly. Here every method's formulas are compiled "
+        "The paper calls the Transformer's representation built on the fly. Here every method's formulas are compiled\n"
         "ahead into a table; what stays the same for every formula is the width of the learned code."
     )
     return f"{table(heading, rows)}\n\n{note}"

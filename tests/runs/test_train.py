@@ -21,6 +21,7 @@ from t2tl_jax import (
     UserError,
 )
 from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.runs.config import SelectionConfig
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
 from tests.fake_learner import FakeConfig
 from tests.probe import ProbeEnv
@@ -70,7 +71,8 @@ def run_it(**changes):
 
 def run_fake(callbacks):
     """As many iterations of a learner that compiles in an instant, for what does not depend on the learner."""
-    return t2tl_jax.train(ProbeEnv(), TASK, FakeConfig(), seeds=2, frames=300, callbacks=callbacks)
+    nothing = SelectionConfig(points=0)  # its actions are not those of the environment
+    return t2tl_jax.train(ProbeEnv(), TASK, FakeConfig(), seeds=2, frames=300, callbacks=callbacks, selection=nothing)
 
 
 @pytest.fixture(scope="module")
