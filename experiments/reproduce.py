@@ -56,7 +56,7 @@ def _main(texts: Sequence[str]) -> int:
     with quiet_imports():
         import jax
 
-        from experiments.cli import compilation_cache
+        from experiments.cli import compilation_cache, cpu_devices
         from experiments.reproduction import stored, work
         from experiments.reproduction.items import ITEMS
         from experiments.reproduction.page import page
@@ -88,16 +88,17 @@ def _main(texts: Sequence[str]) -> int:
     if arguments.scale == "smoke":
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
     compilation_cache.use(RunConfig().compilation_cache)
+    cpu_devices.use()
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
     failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes))
     if arguments.keep:
         for name in work.needed(runs, names):
-            if work.is_done(runs[name], base / name):
+            if work.is_done(runs[name], scale, base / name):
                 stored.keep(name, base / name, RESULTS / name)
     finished = {
         name: run
         for name, run in stored.load(base).items()
-        if name in work.needed(runs, names) and work.is_done(runs[name], base / name)
+        if name in work.needed(runs, names) and work.is_done(runs[name], scale, base / name)
     }
     target = base / "paper.md"
     target.write_text(page(items, finished, smoke=arguments.scale == "smoke"), encoding="utf-8")

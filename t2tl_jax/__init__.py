@@ -21,7 +21,14 @@ if TYPE_CHECKING:
     from t2tl_jax.networks.task_encoder import TaskEncoderConfig
     from t2tl_jax.networks.task_encoders import OneHotConfig
     from t2tl_jax.networks.transformer import TransformerConfig
-    from t2tl_jax.registry import make_env, register_agent, register_config, register_env, register_task_encoder
+    from t2tl_jax.registry import (
+        make_env,
+        register_agent,
+        register_config,
+        register_context_reader,
+        register_env,
+        register_task_encoder,
+    )
     from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
     from t2tl_jax.runs.config import Config
     from t2tl_jax.runs.interrupts import Interrupted
@@ -70,6 +77,7 @@ _HOME = {
     "register_env": "registry",
     "register_family": "ltl",
     "register_task_encoder": "registry",
+    "register_context_reader": "registry",
     "resume": "runs.train",
     "sample": "ltl",
     "train": "runs.train",

@@ -14,6 +14,8 @@ def use() -> None:
     chosen = jax.config.values["jax_num_cpu_devices"] >= 0 or "xla_force_host_platform_device_count" in os.environ.get(
         "XLA_FLAGS", ""
     )
+    affinity = getattr(os, "sched_getaffinity", None)  # not on every system
+    cores = len(affinity(0)) if affinity else os.cpu_count() or 1
     if not chosen:
         with suppress(RuntimeError):  # this process computed something before: it goes on with the devices it has
-            jax.config.update("jax_num_cpu_devices", min(MOST, len(os.sched_getaffinity(0))))
+            jax.config.update("jax_num_cpu_devices", min(MOST, cores))

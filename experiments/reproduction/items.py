@@ -12,18 +12,19 @@ from experiments.reproduction.page import table
 from experiments.reproduction.plan import Item
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import (
-    against_first,
+    Pairs,
     curves_by_episode,
     curves_by_frames,
+    differences,
     methods,
-    orderings,
     share,
     text,
 )
 from experiments.reproduction.work import READING
-from t2tl_jax.evaluation.scores import best_scores, normalised_scores
+from t2tl_jax.evaluation.scores import best_scores, normalised_scores, return_by_episode
 from t2tl_jax.evaluation.statistics import Estimate
 from t2tl_jax.runs.folder import read_json
+from t2tl_jax.runs.success import success_since, window
 
 Runs = Mapping[str, Stored]
 
@@ -43,25 +44,35 @@ def _zone_figure(runs: Runs) -> str:
         )
     }
     ends = {name: run.end("discounted_return") for name, run in runs.items()}
-    claimed = ("zone-t2tl", "zone-t1tl", "zone-gnn", "zone-dfa_number", "zone-dfa_cont")
+    claims = [
+        ("zone-t2tl", "zone-t1tl"),
+        ("zone-t1tl", "zone-gnn"),
+        ("zone-gnn", "zone-dfa_number"),
+        ("zone-gnn", "zone-dfa_cont"),
+    ]
     return "\n\n".join(
         (
             methods(runs, labels, {name: curve[1][-1] for name, curve in published.items()}),
             curves_by_frames(runs, labels, ZONE_MARKS, published),
-            orderings(runs, claimed, ends, "return"),
+            differences(runs, claims, ends, "return at the end", claimed=True),
         )
     )
 
 
 def _water_figure(runs: Runs) -> str:
     labels = {f"water-{method}": method for method in named.WATER_METHODS}
-    ends = {name: run.end("success_rate") for name, run in runs.items()}
-    claimed = ("water-t2tl", "water-t1tl", "water-gnn", "water-rm", "water-dfa_cont", "water-dfa")
+    marks = published_water.EPISODES
+    means = {
+        name: {seed: float(np.nanmean(return_by_episode(run.columns, seed, marks))) for seed in run.seeds}
+        for name, run in runs.items()
+    }
+    claims = [(f"water-{reader}", f"water-{state}") for reader in ("t2tl", "t1tl", "gnn") for state in ("rm", "dfa")]
+    claims += [("water-t1tl", "water-gnn"), ("water-t2tl", "water-gnn"), ("water-rm", "water-dfa")]
     return "\n\n".join(
         (
             methods(runs, labels),
-            curves_by_episode(runs, labels, published_water.EPISODES, published_water.PHI_WATER),
-            orderings(runs, claimed, ends, "success in training"),
+            curves_by_episode(runs, labels, marks, published_water.PHI_WATER),
+            differences(runs, claims, means, "mean return at these episodes", claimed=True),
         )
     )
 
@@ -158,7 +169,7 @@ def _unit_time(runs: Runs) -> str:
         "The published unit is not known (the paper's R_i cannot be what its curves show), so only orders compare.\n"
         "Pre-training and training compile side by side in use; here their seconds are added."
     )
-    return f"{table(heading, rows)}\n\n{note}"
+    return f"{table(heading, rows)}\n\n{note}" if rows else ""
 
 
 def _dimensions(runs: Runs) -> str:
@@ -180,37 +191,32 @@ def _width(run: Stored) -> str:
     return str(getattr(encoder, "output", getattr(encoder, "size", "-")))
 
 
-def frames_to(run: Stored, share: float = 0.95) -> dict[int, float]:
-    """Frames after which the success rate first stays over a share to the end of training, by seed; inf if never."""
-    frames, above = run.metrics["frames"], np.nan_to_num(run.metrics["success_rate"]) > share
-    stays = np.logical_and.accumulate(above[:, ::-1], axis=1)[:, ::-1]
-    first = np.where(stays.any(axis=1), frames[np.arange(len(frames)), stays.argmax(axis=1)], np.inf)
-    return dict(zip(run.seeds, first.tolist(), strict=True))
+def frames_to(run: Stored) -> dict[int, float]:
+    """Frames after which success in training rose above 95 % and stayed, for a time limit at least; inf if never."""
+    since = success_since(run.metrics["success_rate"], window(run.config))
+    frames = run.metrics["frames"][0][0]
+    return dict(zip(run.seeds, np.where(since > 0, since * frames, np.inf).tolist(), strict=True))
 
 
-def _ablation(base: str, unit: str = "discounted_return") -> Callable[[Runs], str]:
-    """A section that compares every run with the first one, `base`."""
+def _ablation(pairs: Pairs, unit: str, claimed: bool = False) -> Callable[[Runs], str]:
+    """A section of runs side by side, and of these pairs of them by the mean of `unit` over training."""
 
     def section(runs: Runs) -> str:
-        runs = {name: runs[name] for name in sorted(runs, key=lambda name: name != base)}
         areas = {name: run.area(unit) for name, run in runs.items()}
         show = share if unit == "success_rate" else text
         rows = []
         for name, run in runs.items():
             reached = list(frames_to(run).values())
-            count = sum(np.isfinite(reached))
-            median = np.median(reached)
+            median, solved = np.median(reached), run.solved()
             rows.append(
                 (
                     name,
-                    f"{round((run.solved().value or 0) * run.solved().count)}/{run.solved().count}"
-                    if run.solved().count
-                    else "-",
+                    "-" if solved.value is None else f"{round(solved.value * solved.count)}/{solved.count}",
                     show(areas[name]),
                     show(run.end(unit)),
                     share(run.end("violation_rate")),
                     f"{median / 1e6:.2f} M" if np.isfinite(median) else "-",
-                    f"{count}/{len(reached)}",
+                    f"{sum(np.isfinite(reached))}/{len(reached)}",
                     text(run.end("code_change_relative")) if "code_change_relative" in run.metrics else "-",
                 )
             )
@@ -221,12 +227,27 @@ def _ablation(base: str, unit: str = "discounted_return") -> Callable[[Runs], st
             "at the end",
             "violations at the end",
             "frames to 95 %, median",
-            "seeds there",
+            "seeds that stay there",
             "movement of codes",
         )
-        return "\n\n".join((table(heading, rows), against_first(runs, areas, "mean over training")))
+        what = {"success_rate": "success", "discounted_return": "return"}[unit]
+        compared = differences(runs, pairs, areas, f"mean {what} over training", claimed)
+        return "\n\n".join(part for part in (table(heading, rows), compared) if part)
 
     return section
+
+
+def _with_each(first: str, others: tuple[str, ...]) -> Pairs:
+    return [(first, other) for other in others]
+
+
+def _pretrained_first(world: str) -> Pairs:
+    """What the paper claims of its pre-training on the task, for every method; and the same of random formulas."""
+    return [
+        (f"{world}-{method}-pre-{kind}", f"{world}-{method}-pre-none")
+        for method in ("t2tl", "t1tl", "gnn")
+        for kind in ("own", "random")
+    ]
 
 
 def _benchmark(runs: Runs) -> str:
@@ -372,32 +393,41 @@ ITEMS: dict[str, Item] = {
     "water-form": Item(
         "WaterWorld's learners in the paper's form: encoder trained on, code concatenated",
         ("water-t1tl", *_names("water-paper-{}", ("t1tl", "t2tl", "gnn", "t1tl-slow"))),
-        _ablation("water-t1tl", "success_rate"),
+        _ablation(
+            _with_each("water-t1tl", _names("water-paper-{}", ("t1tl", "t2tl", "gnn", "t1tl-slow"))), "success_rate"
+        ),
         smoke=("water-t1tl", "water-paper-t1tl-slow"),
     ),
     "simultaneous": Item(
         "Simultaneous learning, piece by piece (`phi_water`, T1TL)",
         ("water-t1tl", *_names("water-t1tl-{}", ("own-row", "printed-argmax", "random-starts", "every-step"))),
-        _ablation("water-t1tl", "success_rate"),
+        _ablation(
+            _with_each(
+                "water-t1tl", _names("water-t1tl-{}", ("own-row", "printed-argmax", "random-starts", "every-step"))
+            ),
+            "success_rate",
+        ),
     ),
     "simultaneous-one-hot": Item(
         "Simultaneous learning, piece by piece (`phi_water`, one-hot)",
         ("water-rm", "water-dfa", *_names("water-rm-{}", ("printed-argmax", "random-starts", "every-step"))),
-        _ablation("water-rm", "success_rate"),
+        _ablation(
+            _with_each(
+                "water-rm",
+                ("water-dfa", *_names("water-rm-{}", ("printed-argmax", "random-starts", "every-step"))),
+            ),
+            "success_rate",
+        ),
     ),
     "pretraining-zone": Item(
         "Pre-training in ZoneEnv: none, on the task, on random formulas",
         tuple(f"zone-{method}-pre-{kind}" for method in ("t2tl", "t1tl", "gnn") for kind in ("none", "own", "random")),
-        _ablation("zone-t1tl-pre-none"),
+        _ablation(_pretrained_first("zone"), "discounted_return", claimed=True),
     ),
     "pretraining-water": Item(
-        "Pre-training in WaterWorld: none, on the task, on random formulas",
-        (
-            *_names("water-{}", ("t2tl", "t1tl", "gnn")),
-            *_names("water-{}-pre-random", ("t2tl", "t1tl", "gnn")),
-            *_names("water-{}-pre-none", ("t2tl", "t1tl", "gnn")),
-        ),
-        _ablation("water-t1tl", "success_rate"),
+        "Pre-training in WaterWorld, encoders trained on: none, on the task, on random formulas",
+        tuple(f"water-{method}-pre-{kind}" for method in ("t2tl", "t1tl", "gnn") for kind in ("none", "own", "random")),
+        _ablation(_pretrained_first("water"), "success_rate", claimed=True),
     ),
     "safe": Item("`phi_safe`, the running example", _names("safe-{}", named.ZONE_METHODS), _safe),
     "attention": Item(
@@ -410,7 +440,7 @@ ITEMS: dict[str, Item] = {
     "reader": Item(
         "A GRU instead of the context Transformer",
         ("zone-t2tl-pre-own", "zone-gru-reader"),
-        _ablation("zone-t2tl-pre-own"),
+        _ablation([("zone-t2tl-pre-own", "zone-gru-reader")], "discounted_return"),
     ),
     "benchmark": Item(
         "The reward-machine benchmark",

@@ -75,6 +75,7 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
         for kind in ("none", "own", "random"):
             config = apply(short, method)
             before = None if kind == "none" else _pretraining(runs, "zone", config, kind, new)
+            config = replace(config, pretrained="") if before is None else config
             new[f"zone-{method}-pre-{kind}"] = Run(config, before)
     safe = named_config("zone_ppo_safe")
     for method in ZONE_METHODS:
@@ -128,12 +129,13 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
         ):
             new[f"water-{name}-{variant}"] = Run(changed, before)
 
-    for method in ("t2tl", "t1tl", "gnn"):  # frozen codes that never learned anything are no case
+    for method in ("t2tl", "t1tl", "gnn"):  # the encoder learns in all of them
         config = apply(base, method)
-        before = _pretraining(runs, "water", config, "random", new)
-        new[f"water-{method}-pre-random"] = Run(config, before)
-        unfrozen = _changed(config.learner, network=replace(config.learner.network, freeze_task_encoder=False))
-        new[f"water-{method}-pre-none"] = Run(replace(config, learner=unfrozen))
+        network = replace(config.learner.network, freeze_task_encoder=False)
+        config = replace(config, learner=_changed(config.learner, network=network))
+        new[f"water-{method}-pre-none"] = Run(replace(config, pretrained=""))
+        for kind in ("own", "random"):
+            new[f"water-{method}-pre-{kind}"] = Run(config, _pretraining(runs, "water", config, kind, new))
 
     for width in (8, 16):  # 32 is the default
         config = _with_encoder(t1tl, output=width)

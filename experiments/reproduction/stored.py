@@ -133,7 +133,8 @@ def keep(name: str, source: Path, target: Path) -> None:
                 f"{name} was not made from a clean commit (revision {session.get('git_revision')}, modified: "
                 f"{session.get('git_modified')}); results that are kept need one"
             )
-    target.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(target, ignore_errors=True)
+    target.mkdir(parents=True)
     for file in FILES:
         if (source / file).is_file():
             shutil.copyfile(source / file, target / file)

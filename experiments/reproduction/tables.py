@@ -1,7 +1,6 @@
 """Tables that several items share: methods with their final figures, curves beside the published ones, orderings."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -9,7 +8,7 @@ from envs.waterworld import WaterWorldConfig
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation import statistics
-from t2tl_jax.evaluation.comparisons import Difference, compare, difference, holm, outcome
+from t2tl_jax.evaluation.comparisons import Difference, difference, holm, outcome
 from t2tl_jax.evaluation.scores import return_by_episode
 
 Values = Mapping[str, Mapping[int, float]]
@@ -77,7 +76,7 @@ def curves_by_frames(
         row = [f"{mark / 1e6:g} M"]
         for run in shown.values():
             frames, returns = run.metrics["frames"][0], run.metrics["discounted_return"]
-            part = (frames <= mark + frames[0]) & (frames > mark - 250_000)
+            part = (frames <= mark) & (frames > mark - 250_000)
             row.append(text(np.nanmean(returns[:, part], axis=1).tolist()) if part.any() else "-")
         for curve in published.values():
             row.append(f"{np.interp(mark, *curve):.2f}")
@@ -109,41 +108,42 @@ def curves_by_episode(
     return table(heading, rows)
 
 
-def orderings(runs: Mapping[str, Stored], claimed: Iterable[str], values: Values, unit: str) -> str:
-    """Every two of the runs that are there, in the order that the paper claims: best first."""
-    there = {name: values[name] for name in claimed if name in runs}
-    return _claims(compare(there, {name: worlds(runs[name]) for name in there}), unit)
+Pairs = Sequence[tuple[str, str]]
 
 
-def against_first(runs: Mapping[str, Stored], values: Values, unit: str) -> str:
-    """The first run against each of the others, corrected for so many comparisons."""
-    first, *others = (name for name in runs if len(values[name]) > 1)
-    level = 1 - (1 - statistics.CONFIDENCE) / max(len(others), 1)
-    found = {}
-    for other in others:
-        a, b = values[first], values[other]
-        paired = worlds(runs[first]) is not None and worlds(runs[first]) == worlds(runs[other]) and set(a) == set(b)
-        of_other = [b[seed] for seed in a] if paired else list(b.values())
-        found[first, other] = difference(list(a.values()), of_other, paired, level)
-    corrected = holm([each.pvalue for each in found.values()])
-    return _claims(
-        {names: replace(one, pvalue=p) for (names, one), p in zip(found.items(), corrected, strict=True)}, unit
-    )
+def differences(runs: Mapping[str, Stored], pairs: Pairs, values: Values, unit: str, claimed: bool = False) -> str:
+    """The first run of each pair against the second, corrected for so many pairs, be all of them measured or not.
 
-
-def _claims(found: Mapping[tuple[str, str], Difference], unit: str) -> str:
+    Args:
+        runs: those that are there.
+        pairs: names of runs; where `claimed`, the paper says that the first one is better.
+        values: by run and seed, what is compared.
+        unit: what that is, in words.
+        claimed: whether to say what becomes of the claims.
+    """
+    known = [names for names in pairs if all(len(values.get(name, ())) > 1 for name in names)]
+    level = 1 - (1 - statistics.CONFIDENCE) / len(pairs)
+    found = [_difference(runs, values, *names, level) for names in known]
+    corrected = holm([*(each.pvalue for each in found), *[1.0] * (len(pairs) - len(found))])
     rows = [
         (
-            f"{first} > {second}",
+            f"{first} {'>' if claimed else '-'} {second}",
             each.gap.text(),
-            f"{each.pvalue:.3g}",
+            f"{pvalue:.3g}",
             each.improvement.text(2),
             "paired" if each.paired else "",
-            outcome(each.gap),
+            *([outcome(each.gap)] if claimed else []),
         )
-        for (first, second), each in found.items()
+        for (first, second), each, pvalue in zip(known, found, corrected, strict=False)
     ]
-    return table(("claim", f"difference, {unit}", "p (Holm)", "probability of improvement", "", "outcome"), rows)
+    heading = ["claim" if claimed else "runs", f"difference, {unit}", "p (Holm)", "probability of improvement", ""]
+    return table([*heading, *(["outcome"] if claimed else [])], rows)
+
+
+def _difference(runs: Mapping[str, Stored], values: Values, first: str, second: str, level: float) -> Difference:
+    a, b = values[first], values[second]
+    paired = worlds(runs[first]) is not None and worlds(runs[first]) == worlds(runs[second]) and set(a) == set(b)
+    return difference(list(a.values()), [b[seed] for seed in a] if paired else list(b.values()), paired, level)
 
 
 def worlds(run: Stored) -> object:

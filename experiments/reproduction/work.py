@@ -5,6 +5,7 @@ folder, so several processes, one for each GPU, share the work of one folder.
 """
 
 import fcntl
+import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ from pathlib import Path
 from experiments import attention
 from experiments.reproduction.plan import Run, Scale
 from t2tl_jax.errors import UserError
-from t2tl_jax.runs import evaluations, train
+from t2tl_jax.runs import config_files, evaluations, train
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
 from t2tl_jax.runs.folder import RunFolder, read_json
 from t2tl_jax.runs.interrupts import Interrupted
@@ -59,11 +60,23 @@ def needed(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
     return list(found)
 
 
-def is_done(run: Run, folder: Path) -> bool:
-    """Whether a run is trained to its end and evaluated."""
+def is_done(run: Run, scale: Scale, folder: Path) -> bool:
+    """Whether a run is trained to its end, evaluated and read.
+
+    Raises:
+        UserError: if the folder holds a run of another configuration, or of other seeds.
+    """
     files = RunFolder(folder)
     trained = files.status.is_file() and read_json(files.status).get("ended") in ENDS
-    evaluated = files.evaluation.is_file() or not run.evaluated
+    if run.measure is not None:
+        return trained
+    if files.config.is_file():
+        config, wanted = config_files.load(files.config), scale.apply(run)
+        if replace(config, pretrained="", run=wanted.run) != replace(wanted, pretrained=""):
+            raise UserError(f"{folder} holds a run of other settings or seeds; move it away, or take another --folder")
+    evaluated = not run.evaluated or {
+        (entry["settings"]["checkpoint"], entry["settings"]["episode_length"]) for entry in evaluations.stored(files)
+    } >= set(itertools.product(("final", "best"), _limits(run, scale)))
     return trained and evaluated and ((folder / READING).is_file() or not run.read)
 
 
@@ -89,20 +102,20 @@ def do_all(
     """
     base.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
-    open_runs = [name for name in needed(runs, names) if not is_done(runs[name], base / name)]
+    open_runs = [name for name in needed(runs, names) if not is_done(runs[name], scale, base / name)]
     total = len(open_runs)
     while open_runs and not deadline.passed:
         number, elsewhere = len(open_runs), False
         for name in list(open_runs):
             before = runs[name].before
-            if deadline.passed or before in open_runs:
+            if deadline.passed or (before is not None and not is_done(runs[before], scale, base / before)):
                 continue
             with _claimed(base / f"{name}.lock") as mine:
                 if not mine:
                     elsewhere = True
                     continue
                 open_runs.remove(name)
-                if is_done(runs[name], base / name):
+                if is_done(runs[name], scale, base / name):
                     continue
                 began = time.monotonic()
                 say(f"[{total - len(open_runs)}/{total}] {name}")
@@ -133,12 +146,17 @@ def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Dead
     except Interrupted as when:
         return str(when)
     if result.ended in ENDS and run.evaluated:
-        _evaluate(result, sorted({config.episode_length, *(() if scale.name == "smoke" else run.limits)}))
+        _evaluate(result, _limits(run, scale))
     if result.ended in ENDS and run.read:
         episodes = str(config.run.evaluation_episodes)
         if code := attention.main([str(folder), "--all-seeds", "True", "--episodes", episodes]):
             raise UserError(f"reading {folder} failed with exit code {code}")
     return result.ended
+
+
+def _limits(run: Run, scale: Scale) -> list[int]:
+    """Time limits within which a run is evaluated."""
+    return sorted({scale.apply(run).episode_length, *(run.limits if scale.name == "full" else ())})
 
 
 def _evaluate(result: Result, limits: Sequence[int]) -> None:

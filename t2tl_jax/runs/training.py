@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import jax
 import numpy as np
 
 from t2tl_jax.errors import UserError
@@ -94,7 +95,8 @@ class Training:
                 _end(planned, progress)
         if progress.done == 0:
             raise Interrupted(f"before the first iteration was complete: {progress.stop}")
-        params: dict[Which, Any] = {"final": state.params, "best": state.params if self.best is None else self.best}
+        final = jax.device_get(state.params)  # both as arrays of the host: one program plays them
+        params: dict[Which, Any] = {"final": final, "best": final if self.best is None else self.best}
         return Result(experiment, params, self.past.arrays(), progress.done, progress.stop, path)
 
     def _open(self, stack: ExitStack) -> list[Callback]:

@@ -24,11 +24,14 @@ NETWORK = NetworkConfig(task_encoder=OneHotConfig(), env_layers=(16,), actor_lay
 
 
 def make_network(**changes):
-    network = ActorCritic(dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, **changes)), 2)
+    return ActorCritic(dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, **changes)), 2)
+
+
+def parameters_of(network):
     table = compile_tasks(["F a"], ("a",), "at_most_one")
     init = partial(network.init, jax.random.key(0), table, method="initialise")
     carry = repeated(network.begin(OBSERVATION), 1)
-    return network, jax.jit(init)(jnp.zeros((1, OBSERVATION)), jnp.full(1, 2), carry)
+    return jax.jit(init)(jnp.zeros((1, OBSERVATION)), jnp.full(1, 2), carry)
 
 
 def act(network, params):
@@ -61,8 +64,8 @@ def act(network, params):
 
 @pytest.mark.parametrize("reset", [True, False])
 def test_windows_of_a_segment_are_those_that_acted(reset):
-    network, params = make_network(reset=reset)
-    obs, _, windows, after, segment = act(network, params)
+    network = make_network(reset=reset)
+    obs, _, windows, after, segment = act(network, {})  # which remembers what was seen, without any parameter
 
     @partial(jax.jit, static_argnums=3)
     def from_segment(segment, obs, action, later):
@@ -89,7 +92,8 @@ def test_windows_of_a_segment_are_those_that_acted(reset):
     ],
 )
 def test_loss_gradients_and_values_are_those_of_samples_with_their_own_windows(reader, reset, recompute):
-    network, params = make_network(reset=reset, recompute=recompute, reader=reader)
+    network = make_network(reset=reset, recompute=recompute, reader=reader)
+    params = parameters_of(network)
     obs, action, windows, after, segment = act(network, params)
     rng = np.random.default_rng(1)
     log_prob, value, advantage = (jnp.asarray(rng.normal(size=(SEGMENTS, STEPS)), jnp.float32) for _ in range(3))

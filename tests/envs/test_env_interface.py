@@ -61,7 +61,7 @@ def test_vmap_equals_loop(closed_form_env):
     rng = np.random.default_rng(0)
     qpos, qvel = (jnp.asarray(rng.uniform(-2, 2, (BATCH, 3)), jnp.float32) for _ in range(2))
     actions = jnp.asarray(rng.uniform(-1, 1, (BATCH, 2)), jnp.float32)
-    states = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), BATCH))
+    states = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.key(0), BATCH))
     moving = states.pipeline_state.replace(robot=PointState(qpos=qpos, qvel=qvel))
     states = states.replace(pipeline_state=moving)
     together = jax.jit(jax.vmap(env.step))(states, actions)
@@ -103,7 +103,7 @@ def test_no_reward_and_no_end(closed_form_env):
 
 @pytest.mark.parametrize("broken", ["action", "velocity"])
 def test_physics_failure_ends_the_episode(env, batched_step, broken):
-    states = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), BATCH))
+    states = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.key(0), BATCH))
     actions = jnp.zeros((BATCH, 2))
     if broken == "action":
         actions = actions.at[1, 1].set(jnp.nan)
@@ -119,10 +119,10 @@ def test_physics_failure_ends_the_episode(env, batched_step, broken):
 
 
 def test_actions_are_clipped_and_cast(closed_form_env):
-    state = closed_form_env.reset(jax.random.key(0))
-    ordinary = closed_form_env.step(state, jnp.array([1.0, -1.0]))
+    state, step = jax.jit(closed_form_env.reset)(jax.random.key(0)), jax.jit(closed_form_env.step)
+    ordinary = step(state, jnp.array([1.0, -1.0]))
     for action in (jnp.array([5, -9]), np.array([5.0, -9.0]), jnp.array([5.0, -9.0], jnp.bfloat16)):
-        jax.tree.map(np.testing.assert_array_equal, ordinary, closed_form_env.step(state, action))
+        jax.tree.map(np.testing.assert_array_equal, ordinary, step(state, action))
 
 
 def test_no_second_compilation(closed_form_env):
@@ -142,7 +142,7 @@ def test_environments_can_be_copied(closed_form_env):
 def test_registry():
     assert make_env("Zones-25-v1").backend == "mjx"
     random = make_env("Zones-5-v0")
-    assert random.reset(jax.random.key(0)).pipeline_state.zones.shape == (8, 2)
+    assert jax.eval_shape(random.reset, jax.random.key(0)).pipeline_state.zones.shape == (8, 2)
     with pytest.raises(ValueError, match="did you mean 'Zones-25-v1'"):
         make_env("Zone-25")
     with pytest.raises(ValueError, match="EnvConfig is not the configuration of a registered environment"):

@@ -16,12 +16,18 @@ def env(request) -> WaterWorld:
 
 def labels_over_time(env, agent, balls, velocities, actions):
     """Labels of the first state and of the state after each action: ``[1 + steps, P]``."""
-    state = env.reset_to(jnp.array(agent), jnp.zeros(2), jnp.array(balls), jnp.array(velocities))
-    rows = [env.labels(state)]
-    for action in actions:
-        state = env.step(state, action)
-        rows.append(env.labels(state))
-    return np.array(rows)
+
+    @jax.jit
+    def run(agent, balls, velocities, actions):
+        def step(state, action):
+            state = env.step(state, action)
+            return state, env.labels(state)
+
+        state = env.reset_to(agent, jnp.zeros(2), balls, velocities)
+        return env.labels(state), jax.lax.scan(step, state, actions)[1]
+
+    first, later = run(*map(jnp.array, (agent, balls, velocities, actions)))
+    return np.array([first, *later])
 
 
 def approach(gap):

@@ -130,6 +130,7 @@ def test_auto_reset_of_brax_restores_world_and_task(task_env):
     assert (ended >= 3).all()
 
 
+@pytest.mark.slow
 def test_random_play_of_phi_water(task_env):
     """The original's dynamics give a random player -1.00 after 62 steps in the mean (300 episodes)."""
     rows, lengths, _ = _play_randomly(task_env, [0], 300)

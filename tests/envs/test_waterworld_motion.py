@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -104,10 +105,15 @@ def one_ball() -> WaterWorld:
     return WaterWorld(WaterWorldConfig(colours=("Red",), balls_per_colour=1))
 
 
+@cache
+def compiled(env):
+    return jax.jit(env.step)
+
+
 def path(env, agent, velocity, ball, ball_velocity, actions):
     state, states = env.reset_to(agent, velocity, jnp.array([ball]), jnp.array([ball_velocity])), []
     for action in actions:
-        state = env.step(state, action)
+        state = compiled(env)(state, action)
         states.append(state.pipeline_state)
     return jax.tree.map(lambda *x: np.stack(x), *states)
 

@@ -1,5 +1,6 @@
 """The reproduction: what it plans, how its runs are shared and kept, and the page that is written from them."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from experiments.reproduction.page import SMOKE, page
 from experiments.reproduction.plan import Item, Run, Scale
 from experiments.reproduction.runs import all_runs
 from t2tl_jax.errors import UserError
+from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs.success import window
 
 ROOT = Path(__file__).parents[2]
 
@@ -45,7 +48,7 @@ def test_every_run_has_a_configuration_at_either_scale(runs, scale):
             config = Scale(scale, "12").apply(run)
             assert config.frames <= 10_000_000
             assert scale == "full" or config.frames <= 3 * config.learner.frames_per_iteration, name
-            assert (run.before is not None) == bool(config.pretrained) or run.before is None, name
+            assert (run.before is not None) == bool(config.pretrained), name
 
 
 def test_runs_that_are_compared_differ_in_what_they_say(runs):
@@ -134,26 +137,33 @@ def test_figures_of_a_stored_run(water):
     one = columns["seed"] == run.seeds[3]
     rewards = columns["episodes"][one] * np.nan_to_num(columns["success_rate"][one] - columns["violation_rate"][one])
     assert items.reward_sum(run)[run.seeds[3]] == pytest.approx(rewards.sum())
-    reached, curve = items.frames_to(run)[run.seeds[3]], columns["success_rate"][one]
-    below = np.flatnonzero(np.nan_to_num(curve) <= 0.95)[-1]
-    assert reached == (columns["frames"][one][below + 1] if below + 1 < len(curve) else np.inf)
+    curve, since = columns["success_rate"][one], items.frames_to(run)[run.seeds[3]]
+    dips = np.flatnonzero(np.nan_to_num(curve) <= 0.95)
+    last = len(curve) - 1 - dips[-1]  # iterations above 95 % up to the end
+    assert np.isfinite(since) == (last >= window(run.config))
 
 
-def test_runs_with_the_same_maps_are_compared_in_pairs_and_corrected(water):
+def test_runs_with_the_same_maps_are_compared_in_pairs_and_corrected_for_all_that_are_planned(water):
     values = {name: water[name].end("success_rate") for name in ("water-rm", "water-dfa")}
-    pair = {name: water[name] for name in values}
-    alone = tables.against_first(pair, values, "success")
+    pair = ("water-rm", "water-dfa")
+    alone = tables.differences(water, [pair], values, "success", claimed=True)
     assert "paired" in alone and alone.count("\n") == 2
-    thrice = {**pair, "again": water["water-dfa"], "more": water["water-dfa"]}
-    three = tables.against_first(
-        thrice, {**values, "again": values["water-dfa"], "more": values["water-dfa"]}, "success"
-    )
+    three = tables.differences(water, [pair, ("water-t1tl", "water-rm"), ("x", "y")], values, "success", claimed=True)
+    assert three.count("\n") == 2  # the others are not measured, and count all the same
 
     def width(text):
         low, high = text.split("[")[1].split("]")[0].split(", ")
         return float(high) - float(low)
 
     assert width(three.splitlines()[2]) > width(alone.splitlines()[2])
+
+
+def test_a_folder_with_other_seeds_is_no_run_of_these(runs, tmp_path):
+    run, scale = runs["rm-crm"], Scale("smoke", "2")
+    config = dataclasses.replace(scale.apply(run), seeds="3")
+    run_folder.create(tmp_path / "rm-crm", config, {})
+    with pytest.raises(UserError, match="other settings or seeds"):
+        work.is_done(run, scale, tmp_path / "rm-crm")
 
 
 def test_the_command_lists_items_and_refuses_what_it_does_not_know(capsys):

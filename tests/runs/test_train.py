@@ -149,6 +149,7 @@ def test_evaluation_of_result_and_folder_agree(run):
         assert reports["sampled"].seeds[0].success_rate.count == 6
 
 
+@pytest.mark.slow
 def test_without_a_folder_nothing_is_written_or_printed(run, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     result = run_it()
