@@ -14,7 +14,7 @@ def test_a_finished_run_without_metrics_is_evaluated_all_the_same(finished, resu
     assert resume(finished, "--run.evaluation-episodes", "4") == 0
     shown = capsys.readouterr().out
     assert "note: no learning curve: cannot read" in shown and f"done: {finished}" in shown
-    assert len(read_json(finished / "evaluation.json")["evaluations"]) == 1
+    assert len(read_json(finished / "evaluation.json")["evaluations"]) == 2  # final and best parameters
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ import time
 
 import pytest
 
-from experiments import attention
 from t2tl_jax.runs import experiment, pretraining
-from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.pools import make_table
+from t2tl_jax.runs.start import start_params
+from t2tl_jax.runs.train import load
 from t2tl_jax.single_state import SingleStateConfig
 from tests.fake_learner import PRETRAINING
 
@@ -48,13 +48,11 @@ def test_a_run_goes_on_from_elsewhere_and_without_its_pretraining_run(
     assert f"there is no folder {tmp_path / source}" in capsys.readouterr().err
 
 
-def test_the_start_of_a_run_whose_pretraining_run_is_gone_is_not_drawn(train, source, tmp_path, capsys):
+def test_the_start_of_a_run_whose_pretraining_run_is_gone_is_a_new_network(train, source, tmp_path):
     path = train("--frames", "200", *NO_EVALUATION, "--pretrained", str(source))
     shutil.rmtree(tmp_path / source)
-    folder, config = run_folder.open_existing(path)
-    origin, params = attention._start(folder, config, 0, {"params": {}})
-    assert origin.startswith("new network") and params == {"params": {}}
-    assert "cannot be read: there is no folder" in capsys.readouterr().out
+    begun = start_params(load(path))
+    assert begun.origin.startswith("new network") and "there is no folder" in begun.problem
 
 
 def test_a_run_with_a_checkpoint_does_not_prepare_its_own_pretraining_again(train, resume, read_json, monkeypatch):

@@ -133,7 +133,7 @@ def test_evaluate_and_compare_commands(stored, capsys):
     assert evaluated[0]["settings"]["physics"] == "lamps"
     flags = ["--import", "somebody", "--episodes", "3", "--task", "F lamp2"]
     assert evaluate.main([str(stored), *flags]) == 0
-    assert len(json.loads((stored / "evaluation.json").read_text())["evaluations"]) == len(evaluated) + 1
+    assert len(json.loads((stored / "evaluation.json").read_text())["evaluations"]) == len(evaluated) + 2  # final, best
     assert compare.main(["--import", "somebody", str(stored), "--last", "1"]) == 0
     assert str(stored) in capsys.readouterr().out
 
@@ -218,7 +218,7 @@ def test_named_environments():
 
 @pytest.mark.slow
 def test_own_family_trains_the_projects_learner(config):
-    pool = dataclasses.replace(config.pool, size=4, rows=32, length=8, period=1)
+    pool = dataclasses.replace(config.pool, size=2, rows=32, length=8, period=1)
     trained = t2tl_jax.train(config, "Lights", PPO, seeds=1, pool=pool, frames=2 * PPO.frames_per_iteration)
     assert trained.iteration == 2 and trained.metrics["env_burning"].shape == (1, 2)
 
@@ -257,7 +257,7 @@ def test_one_command_builds_everything_once(tables, config, command):
 def test_so_does_its_pretraining(tables, config, monkeypatch, tmp_path):
     """The environment of a pre-training is another one; its table comes after the run's own."""
     small = dataclasses.replace(named_config("pretrain_zone"), learner=SINGLE_STATE, frames=64)
-    monkeypatch.setattr(pretraining, "named_config", lambda name: small)
+    monkeypatch.setattr(pretraining, "SCHEDULE", small)
     traced = []
     monkeypatch.setattr(experiments_of_runs, "trace", lambda *given, **more: traced.append(1) or trace(*given, **more))
     once = t2tl_jax.train(config, pretrained="auto:F lamp1", seeds=1, frames=1, folder=tmp_path / "run")

@@ -60,7 +60,7 @@ def test_later_changes_of_the_file_are_changes_of_no_run(
     assert evaluate_run(moved, "--episodes", "4", "--task", str(machine)) == 0
     assert met[-1] == OTHER
     tasks = [entry["settings"]["task"] for entry in read_json(moved / "evaluation.json")["evaluations"]]
-    assert tasks == ["mine.rm", str(machine)]
+    assert tasks == ["mine.rm", "mine.rm", str(machine), str(machine)]  # final and best parameters
 
 
 def test_the_copy_is_what_gets_compiled(machine, tmp_path):

@@ -73,8 +73,8 @@ def test_it_is_evaluated_in_other_physics(run, read_json, monkeypatch):
     monkeypatch.delattr(MjxPoint, "_substep")
     flags = ["--episodes", "2", "--episode-length", "3", "--physics", "closed_form"]
     assert evaluate.main([str(run), *flags]) == 0
-    (_, new) = read_json(run / "evaluation.json")["evaluations"]
-    assert new["settings"]["physics"] == "closed_form"
+    (_, *new) = read_json(run / "evaluation.json")["evaluations"]
+    assert [entry["settings"]["physics"] for entry in new] == ["closed_form"] * 2  # final and best parameters
 
 
 def test_it_is_compared(run, finished, capsys):
