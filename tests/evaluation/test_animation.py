@@ -24,6 +24,8 @@ from t2tl_jax.evaluation.animation import (
 from t2tl_jax.single_state import SingleState
 from t2tl_jax.view import Scene, View
 
+pytestmark = pytest.mark.slow  # nearly every test loads, compiles or draws
+
 VIEW = View(lambda state, params: state, (0.0, 0.0), (4.0, 2.0), ("Red",), 0.25, (255, 255, 255), 0.5)
 
 

@@ -22,6 +22,8 @@ from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.types import Agent
 from tests.probe import ProbeEnv
 
+pytestmark = pytest.mark.slow  # nearly every test compiles a training or an evaluation
+
 PROPOSITIONS = ("Black", "White", "Red", "Yellow")
 TASK = "!Red U (Black & (!Yellow U White))"
 TOKENS = ("until", "not", "Red", "and", "Black", "until", "not", "Yellow", "White")

@@ -16,6 +16,8 @@ from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.types import Agent
 from tests.probe import ProbeEnv
 
+pytestmark = pytest.mark.slow  # nearly every test loads, compiles or draws
+
 NOISY = Agent(
     init=lambda key, env_params: None,
     iterate=lambda state, env_params: (state, None),

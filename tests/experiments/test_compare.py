@@ -8,6 +8,8 @@ import pytest
 
 from experiments.compare import main
 
+pytestmark = pytest.mark.slow  # nearly every test loads, compiles or draws
+
 HEADER = (
     "iteration,frames,seed,episodes,success_rate,violation_rate,timeout_rate,discounted_return,length,success_length"
 )

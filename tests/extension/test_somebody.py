@@ -28,6 +28,8 @@ from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.config_files import from_json, to_json
 from t2tl_jax.training.program import trace
 
+pytestmark = pytest.mark.slow  # nearly every test compiles a training or an evaluation
+
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 

@@ -15,6 +15,8 @@ from envs.zones.point_mjx import MjxPoint
 from experiments import compare, evaluate, plot
 from t2tl_jax.runs.folder import RunFolder
 
+pytestmark = pytest.mark.slow  # nearly every test loads, compiles or draws
+
 STORED = Path(__file__).parent / "run_of_0_1"
 
 

@@ -13,6 +13,8 @@ from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.runs.selection import Scores, Selected, Selection
 from tests import fake_learner
 
+pytestmark = pytest.mark.slow  # nearly every test compiles a training or an evaluation
+
 CONFIG = dataclasses.replace(fake_learner.CONFIG, seeds="2", selection=SelectionConfig())  # 100 frames an iteration
 
 

@@ -26,6 +26,8 @@ from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
 from tests.fake_learner import FakeConfig
 from tests.probe import ProbeEnv
 
+pytestmark = pytest.mark.slow  # nearly every test compiles a training or an evaluation
+
 TASK = "F(Up & F Down)"
 TINY = TransformerConfig(layers=1, width=8, heads=1, feed_forward=8, output=4)
 NETWORK = NetworkConfig(task_encoder=OneHotConfig(2), env_layers=(8,), actor_layers=(8,), critic_layers=(8,))
