@@ -9,7 +9,7 @@ import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 from experiments import attention
@@ -72,7 +72,8 @@ def is_done(run: Run, scale: Scale, folder: Path) -> bool:
         return trained
     if files.config.is_file():
         config, wanted = config_files.load(files.config), scale.apply(run)
-        if replace(config, pretrained="", run=wanted.run) != replace(wanted, pretrained=""):
+        own = [field.name for field in fields(wanted) if field.name not in ("pretrained", "run")]  # these name folders
+        if any(getattr(config, name) != getattr(wanted, name) for name in own):
             raise UserError(f"{folder} holds a run of other settings or seeds; move it away, or take another --folder")
     evaluated = not run.evaluated or {
         (entry["settings"]["checkpoint"], entry["settings"]["episode_length"]) for entry in evaluations.stored(files)

@@ -166,6 +166,12 @@ def test_a_folder_with_other_seeds_is_no_run_of_these(runs, tmp_path):
         work.is_done(run, scale, tmp_path / "rm-crm")
 
 
+def test_a_frozen_encoder_is_found_again_whatever_its_pretraining_is_called(runs, tmp_path):
+    run, scale = runs["water-t1tl"], Scale("smoke", "2")
+    run_folder.create(tmp_path / "run", dataclasses.replace(scale.apply(run), pretrained=str(tmp_path)), {})
+    assert not work.is_done(run, scale, tmp_path / "run")  # not trained, but the same
+
+
 def test_the_command_lists_items_and_refuses_what_it_does_not_know(capsys):
     assert reproduce.main(["--list", "True", "--only", "fig-zone,tables-steps"]) == 0
     assert "steps-5-2-size-2.5-gnn" in capsys.readouterr().out
