@@ -187,10 +187,11 @@ def _frames(count: float) -> str:
 
 
 def _test_pairs(runs: Mapping[str, Run], measure: Measure, margin: float) -> None:
+    from experiments.worlds import worlds
     from t2tl_jax.evaluation.comparisons import compare, outcome
 
     values = {path: run.of(measure) for path, run in runs.items()}
-    found = compare(values, {path: _worlds(run) for path, run in runs.items()})
+    found = compare(values, {path: worlds(run.config, tuple(run.seeds)) for path, run in runs.items()})
     print(
         f"\nFirst run - second run, means of {measure}: t interval (Welch's, or of pairs where seeds share maps), "
         f"corrected for {len(found)} comparisons\n(Bonferroni); p of a two-sided permutation test, corrected (Holm); "
@@ -207,21 +208,6 @@ def _test_pairs(runs: Mapping[str, Run], measure: Measure, margin: float) -> Non
         else:
             counts = f"{len(values[first])} and {len(values[second])}"
             print(f"{'-':24}  p=-  {first} > {second}: a test needs two seeds of each run or more, got {counts}")
-
-
-def _worlds(run: Run) -> Any:
-    """What seed k stands for besides a random number: the environment, where its maps differ by seed; else None."""
-    import jax
-
-    from t2tl_jax.registry import make_env
-
-    try:
-        env = make_env(run.config.env)
-        maps = [jax.tree.leaves(env.make_params(seed)) for seed in run.seeds[:2]]
-    except (UserError, ValueError):  # an environment that was given as an object, or a seed without a map
-        return None
-    differ = len(maps) > 1 and any(not np.array_equal(a, b) for a, b in zip(*maps, strict=True))
-    return run.config.env if differ else None
 
 
 def _draw(curves: Mapping[str, Mapping[str, np.ndarray]], figure: Path, base: Any) -> None:

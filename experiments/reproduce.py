@@ -12,7 +12,7 @@ from typing import Literal
 
 from experiments.cli.errors import guarded
 from experiments.cli.flags import parse
-from t2tl_jax.errors import UserError, unknown
+from t2tl_jax.errors import UserError, explained, unknown
 from t2tl_jax.quiet import quiet_imports
 
 RESULTS = Path(__file__).parents[1] / "results" / "paper"
@@ -63,6 +63,7 @@ def _main(texts: Sequence[str]) -> int:
         from experiments.reproduction.plan import Scale
         from experiments.reproduction.runs import all_runs
         from t2tl_jax.runs.config import RunConfig
+        from t2tl_jax.runs.interrupts import StopRequest
         from t2tl_jax.training.seeds import parse_seeds
 
     runs = all_runs()
@@ -84,13 +85,15 @@ def _main(texts: Sequence[str]) -> int:
         raise UserError(f"minutes must be positive, got {arguments.minutes:g}")
     if arguments.keep and arguments.scale != "full":
         raise UserError("results of a smoke test are not kept in the repository")
-    parse_seeds(arguments.seeds)  # raises for what is no list of seeds
+    with explained():
+        parse_seeds(arguments.seeds)
     if arguments.scale == "smoke":
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
     compilation_cache.use(RunConfig().compilation_cache)
     cpu_devices.use()
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
-    failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes))
+    with StopRequest() as stop:
+        failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes), stop)
     if arguments.keep:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):

@@ -41,6 +41,7 @@ def _main(texts: list[str]) -> int:
         raise UserError("name at least one run folder")
     with quiet_imports():
         from envs.waterworld import WaterWorldConfig
+        from experiments.worlds import worlds
         from t2tl_jax.runs import folder as run_folder
         from t2tl_jax.runs.metrics_file import MetricsFileError, read_columns
 
@@ -56,7 +57,7 @@ def _main(texts: list[str]) -> int:
             columns = tables[str(path)] = read_columns(folder.metrics)
         except MetricsFileError as error:
             raise UserError(str(error)) from error
-        maps[str(path)] = config.env if config.env.layout == "by_seed" else None
+        maps[str(path)] = worlds(config, tuple(map(int, np.unique(columns["seed"]))))
         if _is_of_ten_tasks(columns) and config.env.layout != "by_seed":
             raise UserError(
                 f"{path} was trained with env.layout={config.env.layout}; the published scores are normalised by map, "

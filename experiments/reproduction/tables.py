@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from envs.waterworld import WaterWorldConfig
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
+from experiments.worlds import worlds
 from t2tl_jax.evaluation import statistics
-from t2tl_jax.evaluation.comparisons import Difference, difference, holm, outcome
+from t2tl_jax.evaluation.comparisons import Pairs, compare, outcome
 from t2tl_jax.evaluation.scores import return_by_episode
 
 Values = Mapping[str, Mapping[int, float]]
@@ -108,9 +108,6 @@ def curves_by_episode(
     return table(heading, rows)
 
 
-Pairs = Sequence[tuple[str, str]]
-
-
 def differences(runs: Mapping[str, Stored], pairs: Pairs, values: Values, unit: str, claimed: bool = False) -> str:
     """The first run of each pair against the second, corrected for so many pairs, be all of them measured or not.
 
@@ -121,32 +118,17 @@ def differences(runs: Mapping[str, Stored], pairs: Pairs, values: Values, unit: 
         unit: what that is, in words.
         claimed: whether to say what becomes of the claims.
     """
-    known = [names for names in pairs if all(len(values.get(name, ())) > 1 for name in names)]
-    level = 1 - (1 - statistics.CONFIDENCE) / len(pairs)
-    found = [_difference(runs, values, *names, level) for names in known]
-    corrected = holm([*(each.pvalue for each in found), *[1.0] * (len(pairs) - len(found))])
+    found = compare(values, {name: worlds(run.config, tuple(run.seeds)) for name, run in runs.items()}, pairs)
     rows = [
         (
             f"{first} {'>' if claimed else '-'} {second}",
             each.gap.text(),
-            f"{pvalue:.3g}",
+            f"{each.pvalue:.3g}",
             each.improvement.text(2),
             "paired" if each.paired else "",
             *([outcome(each.gap)] if claimed else []),
         )
-        for (first, second), each, pvalue in zip(known, found, corrected, strict=False)
+        for (first, second), each in found.items()
     ]
     heading = ["claim" if claimed else "runs", f"difference, {unit}", "p (Holm)", "probability of improvement", ""]
     return table([*heading, *(["outcome"] if claimed else [])], rows)
-
-
-def _difference(runs: Mapping[str, Stored], values: Values, first: str, second: str, level: float) -> Difference:
-    a, b = values[first], values[second]
-    paired = worlds(runs[first]) is not None and worlds(runs[first]) == worlds(runs[second]) and set(a) == set(b)
-    return difference(list(a.values()), [b[seed] for seed in a] if paired else list(b.values()), paired, level)
-
-
-def worlds(run: Stored) -> object:
-    """What seed k of a run stands for beside chance: a map in WaterWorld by seed, else nothing."""
-    env = run.config.env
-    return env if isinstance(env, WaterWorldConfig) and env.layout == "by_seed" else None

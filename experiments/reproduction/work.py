@@ -7,6 +7,7 @@ folder, so several processes, one for each GPU, share the work of one folder.
 import fcntl
 import itertools
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
@@ -18,7 +19,7 @@ from t2tl_jax.errors import UserError
 from t2tl_jax.runs import config_files, evaluations, train
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
 from t2tl_jax.runs.folder import RunFolder, read_json
-from t2tl_jax.runs.interrupts import Interrupted
+from t2tl_jax.runs.interrupts import Interrupted, Stoppable
 from t2tl_jax.runs.result import Result
 
 ENDS = ("complete", "converged", "success")
@@ -87,9 +88,10 @@ def do_all(
     scale: Scale,
     base: Path,
     deadline: Deadline,
+    stop: Stoppable,
     say: Callable[[str], None] = print,
 ) -> list[str]:
-    """Do what is to be done of these runs until the time is up, and return the names of those that failed.
+    """Do what is to be done of these runs until the time is up or the user asks to stop; returns what failed, by name.
 
     A run that another process works on is left to it. One that fails is told of, and the others go on.
 
@@ -99,17 +101,22 @@ def do_all(
         scale: how much is done.
         base: where they lie, each in a folder of its name.
         deadline: when to stop.
+        stop: whether to, on the user's wish.
         say: told what is begun and what it took.
     """
     base.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
     open_runs = [name for name in needed(runs, names) if not is_done(runs[name], scale, base / name)]
     total = len(open_runs)
-    while open_runs and not deadline.passed:
+
+    def ended_for_now() -> bool:
+        return deadline.passed or stop.requested
+
+    while open_runs and not ended_for_now():
         number, elsewhere = len(open_runs), False
         for name in list(open_runs):
             before = runs[name].before
-            if deadline.passed or (before is not None and not is_done(runs[before], scale, base / before)):
+            if ended_for_now() or (before is not None and not is_done(runs[before], scale, base / before)):
                 continue
             with _claimed(base / f"{name}.lock") as mine:
                 if not mine:
@@ -121,10 +128,12 @@ def do_all(
                 began = time.monotonic()
                 say(f"[{total - len(open_runs)}/{total}] {name}")
                 try:
-                    ended = do(runs[name], scale, base / name, None if before is None else base / before, deadline)
+                    source = None if before is None else base / before
+                    ended = do(runs[name], scale, base / name, source, deadline, stop)
                 except Exception as error:  # hours of other runs should not end with this one
                     failed.append(name)
                     ended = f"failed: {type(error).__name__}: {error}"
+                    say(traceback.format_exc())
                 say(f"    {ended} after {time.monotonic() - began:.0f} s")
         if len(open_runs) == number:
             if not elsewhere:
@@ -133,7 +142,7 @@ def do_all(
     return failed
 
 
-def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Deadline) -> str:
+def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Deadline, stop: Stoppable) -> str:
     """Train a run, or go on with it, then evaluate and read it; returns why the training ended."""
     if run.measure is not None:
         run.measure(folder)
@@ -141,13 +150,13 @@ def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Dead
     config = scale.apply(run)
     try:
         if (folder / "config.json").is_file():
-            result = train.resume(folder, callbacks=[deadline])
+            result = train.resume(folder, callbacks=[deadline], stop=stop)
         else:
-            result = train.train(config, pretrained=before, folder=folder, callbacks=[deadline])
+            result = train.train(config, pretrained=before, folder=folder, callbacks=[deadline], stop=stop)
+        if result.ended in ENDS and run.evaluated:
+            stop.call(lambda: _evaluate(result, _limits(run, scale)), "while evaluating")
     except Interrupted as when:
-        return str(when)
-    if result.ended in ENDS and run.evaluated:
-        _evaluate(result, _limits(run, scale))
+        return f"stopped {when}"
     if result.ended in ENDS and run.read:
         episodes = str(config.run.evaluation_episodes)
         if code := attention.main([str(folder), "--all-seeds", "True", "--episodes", episodes]):

@@ -127,8 +127,14 @@ Seeds = Mapping[int, float]
 """What each seed of a run reached, by its number."""
 
 
-def compare(runs: Mapping[str, Seeds], same_worlds: Mapping[str, object]) -> dict[tuple[str, str], Difference]:
-    """Every two runs, corrected for the number of comparisons: Bonferroni's intervals and Holm's p-values.
+Pairs = Sequence[tuple[str, str]]
+"""Names of two runs each; of a claim, the first is said to be the better one."""
+
+
+def compare(
+    runs: Mapping[str, Seeds], same_worlds: Mapping[str, object], planned: Pairs | None = None
+) -> dict[tuple[str, str], Difference]:
+    """Runs against each other, corrected for the number of comparisons: Bonferroni's intervals and Holm's p-values.
 
     Two runs are compared in pairs where they have the same seeds, and seed k stands for the same world in both.
 
@@ -136,18 +142,24 @@ def compare(runs: Mapping[str, Seeds], same_worlds: Mapping[str, object]) -> dic
         runs: by name, in the order that is claimed: the first one the best.
         same_worlds: by run, the worlds that its seeds stand for (any value that can be compared); None where a seed is
             nothing but a random number.
+        planned: which to compare, by default every two. All of these are corrected for, also those that cannot be
+            compared yet, so that an outcome does not change when others come in.
 
     Returns:
-        By names, in the order of `runs`. Pairs with fewer than two seeds on a side are left out and not counted.
+        By names, in the order of `runs` or `planned`. Pairs with fewer than two seeds on a side are left out; without
+        `planned` they are not counted either.
     """
-    pairs = [names for names in itertools.combinations(runs, 2) if all(len(runs[name]) > 1 for name in names)]
-    level = 1 - (1 - CONFIDENCE) / max(len(pairs), 1)
+    wanted = list(itertools.combinations(runs, 2)) if planned is None else list(planned)
+    known = [names for names in wanted if all(len(runs.get(name, ())) > 1 for name in names)]
+    count = len(known) if planned is None else len(wanted)
+    level = 1 - (1 - CONFIDENCE) / max(count, 1)
     found = {}
-    for first, second in pairs:
+    for first, second in known:
         a, b = runs[first], runs[second]
         world = same_worlds.get(first)
         paired = world is not None and world == same_worlds.get(second) and set(a) == set(b)
         of_second = [b[seed] for seed in a] if paired else list(b.values())
         found[first, second] = difference(list(a.values()), of_second, paired, level)
-    corrected = holm([each.pvalue for each in found.values()])
+    missing = [1.0] * (count - len(known))  # the mildest that can be assumed of them
+    corrected = holm([*(each.pvalue for each in found.values()), *missing])[: len(known)]
     return {names: replace(each, pvalue=float(p)) for (names, each), p in zip(found.items(), corrected, strict=True)}

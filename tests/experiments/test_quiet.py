@@ -1,5 +1,6 @@
 """What the libraries print while they are imported does not reach the user of a command."""
 
+import os
 import subprocess
 import sys
 
@@ -7,7 +8,7 @@ import pytest
 
 from t2tl_jax.quiet import NOISE, quiet_imports
 
-TOOLS = ("pretrain", "attention", "benchmarks.env", "benchmarks.ltl", "paper.water_scores")
+TOOLS = ("pretrain", "attention", "reproduce", "benchmarks.env", "benchmarks.ltl", "paper.water_scores")
 
 
 def test_only_the_known_lines_are_dropped(capsys):
@@ -29,3 +30,26 @@ def test_help_starts_with_the_usage(module):
     done = subprocess.run([sys.executable, "-m", module, "--help"], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0 and done.stdout.startswith(f"usage: python -m {module}"), done.stdout + done.stderr
     assert not any(noise in done.stdout for noise in NOISE)
+
+
+FROM_CACHE = """
+import sys
+from t2tl_jax.quiet import quiet_imports
+with quiet_imports():
+    import jax
+jax.config.update("jax_compilation_cache_dir", sys.argv[1])
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+print(jax.jit(lambda x: (x @ x.T).sum())(jax.numpy.ones((8, 8))))
+"""
+
+
+@pytest.mark.slow
+def test_a_program_from_the_cache_is_loaded_in_silence(tmp_path):
+    environment = {name: value for name, value in os.environ.items() if name != "TF_CPP_MIN_LOG_LEVEL"}
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", FROM_CACHE, str(tmp_path)], capture_output=True, text=True, env=environment
+        )
+        assert done.stdout == "512.0\n" and done.stderr == ""
+    assert any(tmp_path.iterdir())

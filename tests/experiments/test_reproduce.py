@@ -3,17 +3,19 @@
 import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from experiments import reproduce
-from experiments.reproduction import items, representations, stored, tables, work
+from experiments.reproduction import items, representations, sections, stored, tables, work
 from experiments.reproduction.page import SMOKE, page
 from experiments.reproduction.plan import Item, Run, Scale
 from experiments.reproduction.runs import all_runs
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs.interrupts import NeverStop
 from t2tl_jax.runs.success import window
 
 ROOT = Path(__file__).parents[2]
@@ -81,12 +83,25 @@ def test_what_is_done_is_kept_what_fails_is_told_and_the_rest_goes_on(tmp_path):
     done, said = [], []
     runs = {name: Run(None, measure=fake(name, done, ("b",)), evaluated=False) for name in "abc"}
     scale, deadline = Scale("full", "1"), work.Deadline(1.0)
-    assert work.do_all(runs, list("abc"), scale, tmp_path, deadline, said.append) == ["b"]
+    assert work.do_all(runs, list("abc"), scale, tmp_path, deadline, NeverStop(), said.append) == ["b"]
     assert done == ["a", "c"] and any("no luck" in line for line in said)
     runs["b"] = Run(None, measure=fake("b", done), evaluated=False)
-    assert work.do_all(runs, list("abc"), scale, tmp_path, deadline, said.append) == []
+    assert work.do_all(runs, list("abc"), scale, tmp_path, deadline, NeverStop(), said.append) == []
     assert done == ["a", "c", "b"]
-    assert work.do_all(runs, list("abc"), scale, tmp_path, work.Deadline(-1.0), said.append) == []
+    assert work.do_all(runs, list("abc"), scale, tmp_path, work.Deadline(-1.0), NeverStop(), said.append) == []
+
+
+def test_a_wish_to_stop_is_heard_between_runs(tmp_path):
+    done, stop = [], SimpleNamespace(requested=False)
+    first = fake("a", done)
+
+    def measure(folder):
+        first(folder)
+        stop.requested = True
+
+    runs = {"a": Run(None, measure=measure, evaluated=False), "b": Run(None, measure=fake("b", done), evaluated=False)}
+    assert work.do_all(runs, ["a", "b"], Scale("full", "1"), tmp_path, work.Deadline(1.0), stop, print) == []
+    assert done == ["a"]
 
 
 def test_a_run_that_another_process_has_claimed_is_left_to_it(tmp_path, monkeypatch):
@@ -95,7 +110,7 @@ def test_a_run_that_another_process_has_claimed_is_left_to_it(tmp_path, monkeypa
     monkeypatch.setattr(work, "WAIT", 0.01)
     with work._claimed(tmp_path / "a.lock") as mine:
         assert mine
-        work.do_all(runs, ["a", "b"], Scale("full", "1"), tmp_path, work.Deadline(0.002), lambda line: None)
+        work.do_all(runs, ["a", "b"], Scale("full", "1"), tmp_path, work.Deadline(0.002), NeverStop(), print)
     assert done == ["b"]
 
 
@@ -136,8 +151,8 @@ def test_figures_of_a_stored_run(water):
     columns = run.columns
     one = columns["seed"] == run.seeds[3]
     rewards = columns["episodes"][one] * np.nan_to_num(columns["success_rate"][one] - columns["violation_rate"][one])
-    assert items.reward_sum(run)[run.seeds[3]] == pytest.approx(rewards.sum())
-    curve, since = columns["success_rate"][one], items.frames_to(run)[run.seeds[3]]
+    assert sections.reward_sum(run)[run.seeds[3]] == pytest.approx(rewards.sum())
+    curve, since = columns["success_rate"][one], sections.frames_to(run)[run.seeds[3]]
     dips = np.flatnonzero(np.nan_to_num(curve) <= 0.95)
     last = len(curve) - 1 - dips[-1]  # iterations above 95 % up to the end
     assert np.isfinite(since) == (last >= window(run.config))
@@ -178,4 +193,6 @@ def test_the_command_lists_items_and_refuses_what_it_does_not_know(capsys):
     assert reproduce.main(["--only", "fig-zne"]) == 2
     assert "fig-zone" in capsys.readouterr().err
     assert reproduce.main(["--minutes", "0"]) == 2
+    assert reproduce.main(["--seeds", "abc"]) == 2
+    assert "a count such as 4" in capsys.readouterr().err
     assert reproduce.main(["--scale", "smoke", "--keep", "True"]) == 2

@@ -1,0 +1,28 @@
+"""What the seeds of a run stand for beside chance: runs that share it are compared seed by seed."""
+
+from functools import cache
+from typing import Any
+
+import jax
+import numpy as np
+
+from t2tl_jax.errors import UserError
+from t2tl_jax.registry import make_env
+from t2tl_jax.runs.config import Config
+
+
+@cache
+def worlds(config: Config, seeds: tuple[int, ...]) -> Any:
+    """The environment's configuration, where its maps differ by seed; None where a seed is nothing but a random number.
+
+    Args:
+        config: of a run.
+        seeds: its seeds.
+    """
+    try:
+        env = make_env(config.env)
+        maps = [jax.tree.leaves(env.make_params(seed)) for seed in seeds[:2]]
+    except (UserError, ValueError):  # an environment that was given as an object, or a seed without a map
+        return None
+    differ = len(maps) > 1 and any(not np.array_equal(a, b) for a, b in zip(*maps, strict=True))
+    return config.env if differ else None
