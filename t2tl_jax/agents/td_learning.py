@@ -114,10 +114,10 @@ def dqn_loss(
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
     before, after = without_newest(batch.steps), without_oldest(batch.steps)  # the windows at s and at s'
     if config.counterfactual:
-        # s and s' go through the online network together: half as many kernels, and small batches are bound by latency.
-        states, windows = jax.tree.map(lambda *x: jnp.concatenate(x), (batch.obs, before), (batch.next_obs, after))
-        both = apply(params, states, embedding, windows, method="every_row")
-        q, online = jnp.split(both, 2)  # [B, rows, A]
+        q = apply(params, batch.obs, embedding, before, method="every_row")  # [B, rows, A]
+        # A pass of its own over s', through which no gradient flows: together with s it would be differentiated too.
+        fixed = jax.lax.stop_gradient((params, embedding))
+        online = apply(fixed[0], batch.next_obs, fixed[1], after, method="every_row")
         target = apply(target_params, batch.next_obs, target_embedding, after, method="every_row")
         goal = td_targets(config, table, online, target, batch.shared, batch.cut, phi)
         learns = jnp.broadcast_to(table.is_open, goal.shape)
@@ -141,6 +141,6 @@ def dqn_loss(
     scalars = {"q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}
     if config.counterfactual:
         # How far the target network's values are behind those of the online one: RMS over all actions at s'.
-        lag = jax.lax.stop_gradient(jnp.square(online - target).mean(axis=-1))
+        lag = jnp.square(online - target).mean(axis=-1)
         scalars["target_lag"] = jnp.sqrt(jnp.mean(lag, where=learns))
     return loss, {"loss": loss, **scalars}
