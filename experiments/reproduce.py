@@ -33,7 +33,8 @@ class Arguments:
     """full: 12 seeds and the paper's budgets, for GPUs. smoke: every item with tiny networks and budgets on a CPU, to
     see that all of it runs; its figures mean nothing and say so."""
     seeds: str = "12"
-    """How many seeds, or which, as for experiments.run."""
+    """How many seeds of each run, or which. Counted from 24 in ZoneEnv, some of whose settings were chosen on 0 to 11,
+    and from 0 in WaterWorld, where they are the maps; a list such as 0,3,7 is meant for all."""
     minutes: float = float("inf")
     """Stop after so many minutes, with everything kept; the same command goes on."""
     folder: Path = Path("runs/reproduction")
