@@ -89,9 +89,8 @@ def _uuids() -> dict[str, str]:
         )
     except (OSError, subprocess.SubprocessError):
         return {}
-    return dict(
-        tuple(part.strip() for part in line.split(",", 1)) for line in answer.stdout.splitlines() if "," in line
-    )
+    parts = (line.partition(",") for line in answer.stdout.splitlines())
+    return {index.strip(): uuid.strip() for index, _, uuid in parts if uuid}
 
 
 def _in_file_name(text: str) -> str:
