@@ -42,7 +42,8 @@ class Arguments:
     report: bool = False
     """Only write the page from the stored results of the repository (docs/paper.md)."""
     keep: bool = False
-    """Copy finished runs of full scale into results/paper, which needs that they were made from a clean commit."""
+    """Copy finished runs of full scale into results/paper, which needs that they were made from clean commits of this
+    history. Of the methods' own runs the parameters of the first seed are kept too, where they are small."""
     list: bool = False
     """Only show the items and their runs."""
 
@@ -62,7 +63,7 @@ def _main(texts: Sequence[str]) -> int:
         from experiments.reproduction.items import ITEMS
         from experiments.reproduction.page import page
         from experiments.reproduction.plan import Scale
-        from experiments.reproduction.runs import all_runs
+        from experiments.reproduction.runs import AGENTS, all_runs
         from t2tl_jax.runs.config import RunConfig
         from t2tl_jax.runs.interrupts import StopRequest
         from t2tl_jax.training.seeds import parse_seeds
@@ -98,7 +99,7 @@ def _main(texts: Sequence[str]) -> int:
     if arguments.keep:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):
-                stored.keep(name, base / name, RESULTS / name)
+                stored.keep(name, base / name, RESULTS / name, agent=name in AGENTS)
     finished = {
         name: run
         for name, run in stored.load(base).items()

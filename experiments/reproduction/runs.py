@@ -28,6 +28,9 @@ ZONE_SEED = 24
 """Where the seeds of the runs in ZoneEnv begin: some of its settings were chosen on seeds 0 to 11, see
 `experiments/tuning.py`. Those of WaterWorld, which are its maps, begin with 0."""
 
+AGENTS = tuple(f"zone-{method}" for method in ZONE_METHODS) + tuple(f"water-{method}" for method in WATER_METHODS)
+"""The runs whose agents are kept, to be played by others."""
+
 ALONE = "1"
 """One seed is enough for a run whose time is taken."""
 
