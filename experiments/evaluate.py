@@ -10,9 +10,9 @@ from typing import Any, Literal
 import tyro
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from experiments.cli.plugins import import_modules
 from t2tl_jax.errors import UserError
+from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Literal
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from t2tl_jax.errors import UserError, explained, unknown
+from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
 RESULTS = Path(__file__).parents[1] / "results" / "paper"

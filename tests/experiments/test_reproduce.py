@@ -393,7 +393,7 @@ def test_a_frozen_encoder_is_found_again_whatever_its_pretraining_is_called(runs
 
 
 def test_the_command_lists_items_and_refuses_what_it_does_not_know(capsys):
-    assert reproduce.main(["--list", "True", "--only", "fig-zone,tables-steps"]) == 0
+    assert reproduce.main(["--list", "--only", "fig-zone,tables-steps"]) == 0
     assert "steps-5-2-size-2.5-gnn" in capsys.readouterr().out
     assert reproduce.main(["--only", "fig-zne"]) == 2
     assert "fig-zone" in capsys.readouterr().err
