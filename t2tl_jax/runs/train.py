@@ -109,6 +109,10 @@ def resume(
                 f"{run.path} was trained by an earlier version, whose training state this one does not know: it can be "
                 "loaded, evaluated, plotted and compared, and its task encoder used, but not trained further"
             )
+        if params_file.stands_in(run):
+            raise UserError(
+                f"{run.path} is kept without its checkpoints: it can be loaded and evaluated, but not trained further"
+            )
         config = _changed(stored, changes)
         refuse_other_changes(stored, config)
         with Checkpoints(run.checkpoints) as checkpoints:

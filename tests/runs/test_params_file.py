@@ -57,6 +57,13 @@ def test_checkpoints_go_before_it(kept, whole):
     assert load(kept[0]).seeds == (7, 1, 5)
 
 
+def test_it_is_not_trained_further(kept):
+    before = (kept[0] / "metrics.csv").read_bytes()
+    with pytest.raises(UserError, match="kept without its checkpoints"):
+        t2tl_jax.resume(kept[0])
+    assert (kept[0] / "metrics.csv").read_bytes() == before
+
+
 def with_other(change):
     def damage(file):
         with np.load(file) as content:
