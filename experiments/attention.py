@@ -9,9 +9,9 @@ from typing import Any, Literal
 import tyro
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import check_picture, parse
 from experiments.cli.plugins import import_modules
 from t2tl_jax.errors import UserError, explained
+from t2tl_jax.flags import check_picture, parse
 from t2tl_jax.quiet import quiet_imports
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import tyro
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import check_picture, parse
 from experiments.cli.plugins import import_modules
 from t2tl_jax.errors import UserError
+from t2tl_jax.flags import check_picture, parse
 from t2tl_jax.quiet import quiet_imports
 
 Measure = Literal["discounted_return", "success_rate", "area"]

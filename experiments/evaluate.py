@@ -10,9 +10,9 @@ from typing import Any, Literal
 import tyro
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from experiments.cli.plugins import import_modules
 from t2tl_jax.errors import UserError
+from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
 
@@ -69,6 +69,7 @@ def _evaluate(arguments: Arguments) -> None:
         from t2tl_jax.evaluation.report import table
         from t2tl_jax.runs import evaluations, train
         from t2tl_jax.runs.folder import open_existing
+        from t2tl_jax.training.seeds import parse_seeds
 
     folder, stored = open_existing(arguments.run)
     evaluations.stored(folder)  # tells of a damaged file before the work
@@ -88,9 +89,12 @@ def _evaluate(arguments: Arguments) -> None:
     params = {which: result.params[which] for which in chosen}
     reports = evaluations.evaluate_policies(result.experiment, params, arguments.episodes, length)
     print(table(evaluations.lines(reports)), flush=True)
-    for which, report in reports.items():
-        evaluations.store(folder, settings(which), report)
-    print(f"stored: {folder.evaluation}", flush=True)
+    if result.seeds == parse_seeds(stored.seeds):
+        for which, report in reports.items():
+            evaluations.store(folder, settings(which), report)
+        print(f"stored: {folder.evaluation}", flush=True)
+    else:  # of a run that is kept without its checkpoints
+        print(f"not stored: only seeds {', '.join(map(str, result.seeds))} of {stored.seeds} are kept with parameters")
     if arguments.gif and evaluations.draw_episode(result.experiment, result.params[chosen[0]], folder):
         print(f"drawn: {folder.gif}")
 

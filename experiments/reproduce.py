@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Literal
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from t2tl_jax.errors import UserError, explained, unknown
+from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
 RESULTS = Path(__file__).parents[1] / "results" / "paper"
@@ -33,7 +33,8 @@ class Arguments:
     """full: 12 seeds and the paper's budgets, for GPUs. smoke: every item with tiny networks and budgets on a CPU, to
     see that all of it runs; its figures mean nothing and say so."""
     seeds: str = "12"
-    """How many seeds, or which, as for experiments.run."""
+    """How many seeds of each run, or which. Counted from 24 in ZoneEnv, some of whose settings were chosen on 0 to 11,
+    and from 0 in WaterWorld, where they are the maps; a list such as 0,3,7 is meant for all."""
     minutes: float = float("inf")
     """Stop after so many minutes, with everything kept; the same command goes on."""
     folder: Path = Path("runs/reproduction")
@@ -41,7 +42,8 @@ class Arguments:
     report: bool = False
     """Only write the page from the stored results of the repository (docs/paper.md)."""
     keep: bool = False
-    """Copy finished runs of full scale into results/paper, which needs that they were made from a clean commit."""
+    """Copy finished runs of full scale into results/paper, which needs that they were made from clean commits of this
+    history. Of the methods' own runs the parameters of the first seed are kept too, where they are small."""
     list: bool = False
     """Only show the items and their runs."""
 
@@ -61,7 +63,7 @@ def _main(texts: Sequence[str]) -> int:
         from experiments.reproduction.items import ITEMS
         from experiments.reproduction.page import page
         from experiments.reproduction.plan import Scale
-        from experiments.reproduction.runs import all_runs
+        from experiments.reproduction.runs import AGENTS, all_runs
         from t2tl_jax.runs.config import RunConfig
         from t2tl_jax.runs.interrupts import StopRequest
         from t2tl_jax.training.seeds import parse_seeds
@@ -97,7 +99,7 @@ def _main(texts: Sequence[str]) -> int:
     if arguments.keep:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):
-                stored.keep(name, base / name, RESULTS / name)
+                stored.keep(name, base / name, RESULTS / name, agent=name in AGENTS)
     finished = {
         name: run
         for name, run in stored.load(base).items()

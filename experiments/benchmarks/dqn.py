@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from t2tl_jax import checks
 from t2tl_jax.errors import explained
+from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
 Head = Literal["film", "bilinear"]

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from t2tl_jax import checks
 from t2tl_jax.errors import UserError, explained
+from t2tl_jax.flags import parse
 from t2tl_jax.ltl import resolve_task
 from t2tl_jax.quiet import quiet_imports
 

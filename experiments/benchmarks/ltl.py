@@ -15,9 +15,9 @@ from typing import Literal
 import numpy as np
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from t2tl_jax import checks
 from t2tl_jax.errors import explained
+from t2tl_jax.flags import parse
 from t2tl_jax.ltl import WATER_PROPOSITIONS, Formula, named_task, sample
 
 LETTERS = tuple("abcdefghijkl")

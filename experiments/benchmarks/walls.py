@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from t2tl_jax import checks
 from t2tl_jax.errors import UserError, explained
+from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
 QUANTITIES = ("position_mm", "velocity_m_s", "turning_rad_s")

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 import experiments.configs  # noqa: F401, registers the environments and configurations of this project
-from experiments.cli.flags import HELP, parse
 from experiments.cli.plugins import import_modules
 from experiments.methods import METHODS, apply
 from t2tl_jax.errors import UserError, explained, unknown
+from t2tl_jax.flags import HELP, parse
 from t2tl_jax.registry import configs, named_config
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.config_files import REGISTRIES

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from t2tl_jax import checks
 from t2tl_jax.errors import explained
+from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
 with quiet_imports():

@@ -14,11 +14,11 @@ import numpy as np
 import tyro
 
 from experiments.cli.errors import guarded
-from experiments.cli.flags import parse
 from experiments.paper import published_water
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.comparisons import compare, outcome
 from t2tl_jax.evaluation.scores import best_scores, normalised_scores, return_by_episode
+from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
 

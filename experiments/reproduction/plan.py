@@ -1,6 +1,6 @@
 """What a reproduction is made of: runs, which items share, and items, which are the tables and figures."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -9,6 +9,7 @@ from envs.zones import ZoneConfig
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.runs.config import Config, RunConfig
+from t2tl_jax.training.seeds import parse_seeds
 
 ScaleName: TypeAlias = Literal["smoke", "full"]
 
@@ -24,7 +25,11 @@ class Run:
     limits: tuple[int, ...] = ()
     """Time limits of its evaluations beside its own, in steps."""
     seeds: str | None = None
-    """Its seeds where they are not those of the reproduction, such as one alone on the device."""
+    """How many seeds it has, or which, where they are not those of the reproduction."""
+    first_seed: int = 0
+    """Where its seeds begin if only their number is given."""
+    alone: bool = False
+    """Whether no other run may be on its devices, since its time is reported."""
     evaluated: bool = True
     """Whether it is evaluated at the end; its curves are there in any case."""
     measure: Callable[[Path], None] | None = None
@@ -56,14 +61,42 @@ class Scale:
 
     name: ScaleName
     seeds: str
-    """Seeds of every run that does not name its own."""
+    """How many seeds every run has that does not say so itself, counted from its first one; or which, for all of
+    them."""
 
     def apply(self, run: Run) -> Config:
         """The configuration that is trained at this scale."""
         assert run.config is not None
         seeds = run.seeds or self.seeds
+        if run.first_seed and "," not in seeds:
+            seeds = _listed(seed + run.first_seed for seed in parse_seeds(seeds))
         config = replace(run.config, seeds=seeds, run=_quiet(run.config.run))
         return config if self.name == "full" else _small(config)
+
+
+def cost(run: Run) -> float:
+    """Roughly how long a run takes beside others, without a unit: steps and updates that wait for one another.
+
+    All environments of a training step at once, and so do its seeds, so that neither makes it much longer.
+    """
+    if run.config is None:
+        return 0.0
+    learner: Any = run.config.learner
+    steps = run.config.frames / learner.num_envs
+    if isinstance(learner, PPOConfig):
+        updates = learner.epochs * run.config.frames / learner.minibatch_size
+    else:
+        updates = learner.updates_per_step * steps
+    return (steps + updates) * (_CONTEXT if learner.network.context is not None else 1)
+
+
+_CONTEXT = 4
+"""How much longer a step with a context window takes: measured 2.6 times in ZoneEnv, 8 in WaterWorld."""
+
+
+def _listed(seeds: Iterable[int]) -> str:
+    """The text that means these seeds, also if it is a single one."""
+    return "".join(f"{seed}," for seed in seeds)
 
 
 def _quiet(config: RunConfig) -> RunConfig:
@@ -94,14 +127,13 @@ def _small(config: Config) -> Config:
     env = config.env
     if isinstance(env, ZoneConfig):
         env = replace(env, physics="closed_form")
-    seeds = config.seeds if config.seeds.endswith(",") else "2"
     return replace(
         config,
         env=env,
         learner=learner,
         frames=2 * learner.frames_per_iteration,
         episode_length=min(config.episode_length, 40),
-        seeds=seeds,
+        seeds=_listed(parse_seeds(config.seeds)[:2]),
         pool=replace(config.pool, size=2),
         run=replace(config.run, evaluation_episodes=2),
     )

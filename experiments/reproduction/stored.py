@@ -1,19 +1,24 @@
 """Finished runs as the tables read them, and keeping them in the repository."""
 
 import shutil
+import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
+from experiments.reproduction.portable import portable
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.statistics import Estimate, rate
-from t2tl_jax.runs import config_files
+from t2tl_jax.runs import config_files, params_file, train
 from t2tl_jax.runs.config import Config
-from t2tl_jax.runs.folder import RunFolder, read_json
+from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.metrics_file import ending, history, read_columns
+from t2tl_jax.runs.result import Result
 
 LAST = 0.05
 """Share of a training, at its end, over which final figures are averaged."""
@@ -28,6 +33,11 @@ FILES = (
     "table.json",
 )
 """What is kept of a run; its checkpoints and pictures are not."""
+
+REPOSITORY = Path(__file__).parents[2]
+
+MOST_MEBIBYTES = 2
+"""Size up to which a file of parameters is kept; in ZoneEnv all are smaller, in WaterWorld none is."""
 
 
 @dataclass(frozen=True)
@@ -120,11 +130,26 @@ def load(root: Path) -> dict[str, Stored]:
     return {path.parent.name: Stored(path.parent) for path in sorted(root.glob("*/status.json"))}
 
 
-def keep(name: str, source: Path, target: Path) -> None:
+def keep(
+    name: str,
+    source: Path,
+    target: Path,
+    agent: bool = False,
+    say: Callable[[str], None] = print,
+    repository: Path = REPOSITORY,
+) -> None:
     """Copy what the tables need of a finished run into the repository.
 
+    Args:
+        name: of the run.
+        source: its folder.
+        target: where to.
+        agent: whether to keep the final and the best parameters of its first seed too, if they are small.
+        say: told of parameters that are too large.
+        repository: the checkout whose history must hold the commit that made the run.
+
     Raises:
-        UserError: if it was not made from a commit as it stands.
+        UserError: if it was not made from a commit of this history as it stands.
     """
     versions = read_json(RunFolder(source).versions)
     for session in (versions["started"], *versions.get("resumed", [])):
@@ -133,8 +158,43 @@ def keep(name: str, source: Path, target: Path) -> None:
                 f"{name} was not made from a clean commit (revision {session.get('git_revision')}, modified: "
                 f"{session.get('git_modified')}); results that are kept need one"
             )
+        _check_history(name, session["git_revision"], repository)
+    result = train.load(source) if agent else None
     shutil.rmtree(target, ignore_errors=True)
     target.mkdir(parents=True)
     for file in FILES:
-        if (source / file).is_file():
+        if (source / file).suffix == ".json" and (source / file).is_file():
+            content = portable(read_json(source / file), source.resolve(), repository.resolve())
+            if file == "config.json":
+                content["run"]["compilation_cache"] = ""  # a folder of that machine, too
+            write_json(target / file, content)
+        elif (source / file).is_file():
             shutil.copyfile(source / file, target / file)
+    if result is not None:
+        _keep_parameters(name, result, RunFolder(target).params, say)
+
+
+def _check_history(name: str, revision: str, repository: Path) -> None:
+    """Refuse a result whose commit cannot be looked up later: one that no commit at hand follows."""
+    command = ["git", "-C", str(repository), "merge-base", "--is-ancestor", revision, "HEAD"]
+    try:
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    except (OSError, subprocess.SubprocessError) as error:
+        raise UserError(f"git cannot be asked for the commit that {name} was made from: {error}") from error
+    if answer.returncode == 1:
+        raise UserError(
+            f"{name} was made from commit {revision}, which is not in the history of what is checked out; results "
+            "that are kept need one that is: check out a branch that holds it, or make the run again"
+        )
+    if answer.returncode:
+        raise UserError(f"git does not know commit {revision}, which {name} was made from: {answer.stderr.strip()}")
+
+
+def _keep_parameters(name: str, result: Result, file: Path, say: Callable[[str], None]) -> None:
+    """Store the parameters of a run's first seed, unless the file would be too large for the repository."""
+    first = {which: jax.tree.map(lambda leaf: leaf[:1], params) for which, params in result.params.items()}
+    params_file.write(file, first, result.seeds[:1], result.iteration)
+    size = file.stat().st_size / 2**20
+    if size > MOST_MEBIBYTES:
+        file.unlink()
+        say(f"{name}: parameters are not kept, {size:.1f} MiB for one seed where {MOST_MEBIBYTES} are the most")

@@ -1,20 +1,19 @@
 """Doing the runs of a reproduction: one after another, resumable, on as many devices as there are.
 
-A run that is complete is left alone, one that was cut goes on. A process claims a run by locking a file beside its
-folder, so several processes, one for each GPU, share the work of one folder.
+A run that is complete is left as it is, one that was cut goes on. Several processes, on one GPU or on several, share
+the work of one folder, see `locks.py`.
 """
 
-import fcntl
 import itertools
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
 from experiments import attention
-from experiments.reproduction.plan import Run, Scale
+from experiments.reproduction.locks import claimed, device_names
+from experiments.reproduction.plan import Run, Scale, cost
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import config_files, evaluations, train
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
@@ -51,6 +50,14 @@ class Deadline(Callback):
             progress.stop = progress.stop or OUT_OF_TIME
 
 
+class Alone(Callback):
+    """Notes in the status that no other run of the reproduction was on the device."""
+
+    def on_plan(self, progress: TrainingProgress) -> None:
+        """Note it."""
+        progress.notes["alone"] = True
+
+
 def needed(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
     """The runs of these names and those that they start from, each before what needs it."""
     found: dict[str, None] = {}
@@ -59,6 +66,14 @@ def needed(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
         for one in ([] if before is None else needed(runs, [before])) + [name]:
             found[one] = None
     return list(found)
+
+
+def in_order(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
+    """The needed runs as several processes best take them: those that others wait for, then the longest, so that none
+    is left for the end. Those that need a device alone come last, since they do not go with what others still do."""
+    wanted = needed(runs, names)
+    awaited = {runs[name].before for name in wanted}
+    return sorted(wanted, key=lambda name: (runs[name].alone, name not in awaited, -cost(runs[name])))
 
 
 def is_done(run: Run, scale: Scale, folder: Path) -> bool:
@@ -93,7 +108,10 @@ def do_all(
 ) -> list[str]:
     """Do what is to be done of these runs until the time is up or the user asks to stop; returns what failed, by name.
 
-    A run that another process works on is left to it. One that fails is told of, and the others go on.
+    After each run the first one of the order (`in_order`) that can be done comes next: one for which nothing is to be
+    done before, on which no other process works, and, if it is to be alone, with whose devices no other one works.
+    What others stand in the way of is tried again until they are done. A run that fails is told of, and the others go
+    on.
 
     Args:
         runs: all runs by name.
@@ -106,40 +124,50 @@ def do_all(
     """
     base.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
-    open_runs = [name for name in needed(runs, names) if not is_done(runs[name], scale, base / name)]
-    total = len(open_runs)
+    done: set[str] = set()
 
-    def ended_for_now() -> bool:
-        return deadline.passed or stop.requested
+    def is_known_done(name: str) -> bool:
+        if name not in done and is_done(runs[name], scale, base / name):
+            done.add(name)
+        return name in done
 
-    while open_runs and not ended_for_now():
-        number, elsewhere = len(open_runs), False
-        for name in list(open_runs):
-            before = runs[name].before
-            if ended_for_now() or (before is not None and not is_done(runs[before], scale, base / before)):
+    open_runs = [name for name in in_order(runs, names) if not is_known_done(name)]
+    total, devices = len(open_runs), device_names()
+    while open_runs and not (deadline.passed or stop.requested):
+        elsewhere = False
+        for name in open_runs:
+            run = runs[name]
+            if run.before is not None and not is_known_done(run.before):
                 continue
-            with _claimed(base / f"{name}.lock") as mine:
+            with claimed(base, name, devices, run.alone) as mine:
                 if not mine:
                     elsewhere = True
                     continue
                 open_runs.remove(name)
-                if is_done(runs[name], scale, base / name):
-                    continue
-                began = time.monotonic()
-                say(f"[{total - len(open_runs)}/{total}] {name}")
-                try:
-                    source = None if before is None else base / before
-                    ended = do(runs[name], scale, base / name, source, deadline, stop)
-                except Exception as error:  # hours of other runs should not end with this one
-                    failed.append(name)
-                    ended = f"failed: {type(error).__name__}: {error}"
-                    say(traceback.format_exc())
-                say(f"    {ended} after {time.monotonic() - began:.0f} s")
-        if len(open_runs) == number:
+                if not is_known_done(name):
+                    say(f"[{total - len(open_runs)}/{total}] {name}")
+                    if not _succeeds(run, scale, base, name, deadline, stop, say):
+                        failed.append(name)
+            break
+        else:
             if not elsewhere:
                 break
-            time.sleep(WAIT)  # for what another process is doing
+            time.sleep(WAIT)
     return failed
+
+
+def _succeeds(
+    run: Run, scale: Scale, base: Path, name: str, deadline: Deadline, stop: Stoppable, say: Callable[[str], None]
+) -> bool:
+    """Do a run and tell what came of it; False if it failed, since hours of other runs should not end with this one."""
+    began, fine = time.monotonic(), True
+    try:
+        ended = do(run, scale, base / name, None if run.before is None else base / run.before, deadline, stop)
+    except Exception as error:
+        ended, fine = f"failed: {type(error).__name__}: {error}", False
+        say(traceback.format_exc())
+    say(f"    {ended} after {time.monotonic() - began:.0f} s")
+    return fine
 
 
 def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Deadline, stop: Stoppable) -> str:
@@ -147,12 +175,12 @@ def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Dead
     if run.measure is not None:
         run.measure(folder)
         return ENDS[0]
-    config = scale.apply(run)
+    config, callbacks = scale.apply(run), [deadline, *([Alone()] if run.alone else [])]
     try:
         if (folder / "config.json").is_file():
-            result = train.resume(folder, callbacks=[deadline], stop=stop)
+            result = train.resume(folder, callbacks=callbacks, stop=stop)
         else:
-            result = train.train(config, pretrained=before, folder=folder, callbacks=[deadline], stop=stop)
+            result = train.train(config, pretrained=before, folder=folder, callbacks=callbacks, stop=stop)
         if result.ended in ENDS and run.evaluated:
             stop.call(lambda: _evaluate(result, _limits(run, scale)), "while evaluating")
     except Interrupted as when:
@@ -179,15 +207,3 @@ def _evaluate(result: Result, limits: Sequence[int]) -> None:
         for which, report in reports.items():
             what = evaluations.settings(files, experiment, which, result.iteration, config.run.evaluation_episodes)
             evaluations.store(files, what, report)
-
-
-@contextmanager
-def _claimed(path: Path) -> Iterator[bool]:
-    """Whether this process is the one that works on something, for as long as the block lasts."""
-    with path.open("a") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            yield False
-            return
-        yield True

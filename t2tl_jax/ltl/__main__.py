@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from t2tl_jax.errors import UserError
+from t2tl_jax.flags import parse
 from t2tl_jax.ltl.compiler.automaton import build
 from t2tl_jax.ltl.compiler.budget import MAX_ROWS
 from t2tl_jax.ltl.compiler.machine_automaton import build_machines
@@ -40,13 +42,14 @@ class Arguments:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; return the exit code: 0, 2 for a formula or word that cannot be used, 130 after Ctrl-C."""
-    arguments = tyro.cli(Arguments, args=argv, prog="python -m t2tl_jax.ltl", description=Arguments.__doc__)
+    """Run the command; return the exit code: 0, 2 for input that cannot be used, 130 after Ctrl-C."""
+    texts = sys.argv[1:] if argv is None else argv
     try:
+        arguments = parse(Arguments, texts, prog="python -m t2tl_jax.ltl", description=Arguments.__doc__)
         print(run(arguments), flush=True)
     except BrokenPipeError:  # the reader (`| head`) has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except LTLError as error:
+    except (LTLError, UserError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:  # a large task takes its time

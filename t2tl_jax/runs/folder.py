@@ -25,6 +25,7 @@ class RunFolder:
         self.status = self.path / "status.json"
         self.metrics = self.path / "metrics.csv"
         self.checkpoints = self.path / "checkpoints"
+        self.params = self.path / "params.npz"
         self.curves = self.path / "learning_curve.png"
         self.gif = self.path / "episode.gif"
         self.evaluation = self.path / "evaluation.json"

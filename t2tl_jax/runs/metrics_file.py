@@ -223,14 +223,25 @@ def _cell(value: float | int | None) -> str:
     return str(value) if isinstance(value, int) else f"{value:.9g}"  # nine digits restore a float32 exactly
 
 
-def history(path: Path) -> dict[str, np.ndarray]:
+def history(path: Path, seeds: Sequence[int] | None = None) -> dict[str, np.ndarray]:
     """All columns of a ``metrics.csv`` as curves, ``float64[seeds, iterations]``, NaN where a cell is empty.
 
+    Args:
+        path: of the file.
+        seeds: those to return; by default all of the file, in its order.
+
     Raises:
-        MetricsFileError: as `read_columns`.
+        MetricsFileError: as `read_columns`, and if a seed has no rows.
     """
     columns = read_columns(path)
-    return {name: by_seed(columns, name)[2] for name in columns if name not in ("iteration", "seed")}
+    curves = {name: by_seed(columns, name) for name in columns if name not in ("iteration", "seed")}
+    if seeds is None:
+        return {name: values for name, (_, _, values) in curves.items()}
+    order = by_seed(columns, "frames")[0].tolist()
+    if missing := [seed for seed in seeds if seed not in order]:
+        raise MetricsFileError(f"{path} has no rows of seed {missing[0]}; its seeds: {', '.join(map(str, order))}")
+    places = [order.index(seed) for seed in seeds]
+    return {name: values[places] for name, (_, _, values) in curves.items()}
 
 
 def area(values: np.ndarray) -> np.ndarray:

@@ -10,11 +10,12 @@ from t2tl_jax.errors import UserError, explained
 from t2tl_jax.evaluation.report import Report
 from t2tl_jax.names import nearest
 from t2tl_jax.registry import named_config
-from t2tl_jax.runs import config_files, machine_files, pretraining
+from t2tl_jax.runs import config_files, machine_files, params_file, pretraining
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.callbacks import Callback
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.evaluations import Which
 from t2tl_jax.runs.experiment import Experiment, build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.given_env import GivenEnv
@@ -24,7 +25,8 @@ from t2tl_jax.runs.migration import VERSION
 from t2tl_jax.runs.provenance import describe
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.training import Training
-from t2tl_jax.training.types import LearnerConfig
+from t2tl_jax.training.seeds import parse_seeds
+from t2tl_jax.training.types import LearnerConfig, Params
 
 CHANGEABLE = ("frames", "convergence", "until_solved", "run")
 """Fields of a configuration that may change when a run is resumed."""
@@ -107,6 +109,10 @@ def resume(
                 f"{run.path} was trained by an earlier version, whose training state this one does not know: it can be "
                 "loaded, evaluated, plotted and compared, and its task encoder used, but not trained further"
             )
+        if params_file.stands_in(run):
+            raise UserError(
+                f"{run.path} is kept without its checkpoints: it can be loaded and evaluated, but not trained further"
+            )
         config = _changed(stored, changes)
         refuse_other_changes(stored, config)
         with Checkpoints(run.checkpoints) as checkpoints:
@@ -123,6 +129,8 @@ def load(
 ) -> Result:
     """The result of a run on disk, finished or not.
 
+    Of a run that is kept without its checkpoints these are the seeds whose parameters are (`params.npz`).
+
     Args:
         folder: of the run.
         env: the environment itself, for a run that was given one instead of naming it.
@@ -133,6 +141,8 @@ def load(
     """
     with explained():
         run, stored = run_folder.open_existing(Path(folder))
+        if params_file.stands_in(run):
+            stored = replace(stored, seeds=_in_words(_seeds_kept(run, stored)))
         experiment = build(_changed(stored, changes), env)
         return _loaded(experiment, run)
 
@@ -150,7 +160,7 @@ def _configuration(
     if learner is not None:
         changes["learner"] = learner
     if seeds is not None:
-        changes["seeds"] = str(seeds) if isinstance(seeds, int) else ",".join(map(str, seeds)) + ","
+        changes["seeds"] = str(seeds) if isinstance(seeds, int) else _in_words(seeds)
     if isinstance(config, str):
         return _changed(named_config(config), changes), None
     if isinstance(config, Config):
@@ -288,18 +298,39 @@ def _loaded(experiment: Experiment, run: RunFolder) -> Result:
             "train another run for this one."
         ) from error
     try:
-        with Checkpoints(run.checkpoints) as checkpoints:
-            iteration, final = checkpoints.restore_params("latest", shapes)
-            _, best = checkpoints.restore_params("best", shapes)
+        iteration, params = _restored(run, shapes)
     except CheckpointError as error:
         raise UserError(str(error)) from error
     try:
-        metrics = history(run.metrics)
+        metrics = history(run.metrics, experiment.seeds if params_file.stands_in(run) else None)
     except MetricsFileError:  # the parameters can be used without
         metrics = {}
     status = run_folder.read_json(run.status)
     ended = status.get("ended") or status.get("state", "unknown")
-    return Result(experiment, {"final": final, "best": best}, metrics, iteration, ended, run.path)
+    return Result(experiment, params, metrics, iteration, ended, run.path)
+
+
+def _restored(run: RunFolder, shapes: Params) -> tuple[int, dict[Which, Params]]:
+    """The iteration, and the final and the best parameters."""
+    if params_file.stands_in(run):
+        return params_file.read(run.params, shapes)
+    with Checkpoints(run.checkpoints) as checkpoints:
+        iteration, final = checkpoints.restore_params("latest", shapes)
+        _, best = checkpoints.restore_params("best", shapes)
+    return iteration, {"final": final, "best": best}
+
+
+def _seeds_kept(run: RunFolder, config: Config) -> tuple[int, ...]:
+    """The seeds of a run of which there are parameters; UserError if these are none of its own."""
+    kept, known = params_file.seeds(run.params), parse_seeds(config.seeds)
+    if not set(kept) <= set(known):
+        raise UserError(f"{run.params} is of seeds {list(kept)}, and the seeds of its run are {list(known)}")
+    return kept
+
+
+def _in_words(seeds: Sequence[int]) -> str:
+    """The text that means these seeds, also if it is a single one."""
+    return ",".join(map(str, seeds)) + ","
 
 
 def _pretrain(

@@ -2,21 +2,27 @@
 
 import dataclasses
 import json
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import jax
 import numpy as np
 import pytest
 
-from experiments import reproduce
-from experiments.reproduction import items, representations, sections, stored, tables, work
+import t2tl_jax
+import tests.fake_learner  # noqa: F401
+from experiments import reproduce, tuning
+from experiments.reproduction import items, locks, representations, sections, stored, tables, work
 from experiments.reproduction.page import SMOKE, page
-from experiments.reproduction.plan import Item, Run, Scale
-from experiments.reproduction.runs import all_runs
+from experiments.reproduction.plan import Item, Run, Scale, cost
+from experiments.reproduction.runs import AGENTS, MAPS, all_runs
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.interrupts import NeverStop
 from t2tl_jax.runs.success import window
+from t2tl_jax.training.seeds import parse_seeds
 
 ROOT = Path(__file__).parents[2]
 
@@ -108,26 +114,225 @@ def test_a_run_that_another_process_has_claimed_is_left_to_it(tmp_path, monkeypa
     done = []
     runs = {name: Run(None, measure=fake(name, done), evaluated=False) for name in "ab"}
     monkeypatch.setattr(work, "WAIT", 0.01)
-    with work._claimed(tmp_path / "a.lock") as mine:
+    with locks.claimed(tmp_path, "a", (), alone=False) as mine:
         assert mine
         work.do_all(runs, ["a", "b"], Scale("full", "1"), tmp_path, work.Deadline(0.002), NeverStop(), print)
     assert done == ["b"]
 
 
+@pytest.mark.parametrize(("first", "second", "together"), [(0, 0, True), (0, 1, False), (1, 0, False), (1, 1, False)])
+def test_a_run_that_is_to_be_alone_shares_its_device_with_none(tmp_path, first, second, together):
+    with locks.claimed(tmp_path, "a", ["gpu-0", "gpu-1"], bool(first)) as mine:
+        assert mine
+        with locks.claimed(tmp_path, "b", ["gpu-1", "gpu-2"], bool(second)) as other:
+            assert other == together
+        with locks.claimed(tmp_path, "c", ["gpu-3"], alone=True) as other:
+            assert other
+    with locks.claimed(tmp_path, "b", ["gpu-1", "gpu-2"], alone=True) as other:
+        assert other
+
+
+ELSEWHERE = """
+import sys, time
+from pathlib import Path
+from experiments.reproduction import locks
+with locks.claimed(Path(sys.argv[1]), "of another process", locks.device_names(), alone=False) as mine:
+    print(mine, flush=True)
+    sys.stdin.readline()
+"""
+
+
+@pytest.mark.slow
+def test_a_run_that_is_to_be_alone_waits_for_other_processes_and_is_done_after_them(tmp_path, monkeypatch):
+    """The ordinary run goes ahead beside the other process, which ends once this one has begun to wait."""
+    done, when_waiting = [], []
+    runs = {
+        "timed": Run(None, measure=fake("timed", done), evaluated=False, alone=True),
+        "ordinary": Run(None, measure=fake("ordinary", done), evaluated=False),
+    }
+    other = subprocess.Popen(
+        [sys.executable, "-c", ELSEWHERE, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT
+    )
+    assert other.stdin is not None and other.stdout is not None
+
+    def waiting(seconds):
+        when_waiting.append(list(done))
+        other.communicate(b"\n", timeout=60)
+
+    monkeypatch.setattr(work.time, "sleep", waiting)
+    with other:
+        assert other.stdout.readline() == b"True\n"
+        assert not work.do_all(runs, list(runs), Scale("full", "1"), tmp_path, work.Deadline(1.0), NeverStop(), print)
+    assert when_waiting == [["ordinary"]] and done == ["ordinary", "timed"]
+
+
+def test_runs_that_others_wait_for_come_first_then_the_longest_and_those_alone_last(runs):
+    order = work.in_order(runs, list(runs))
+    alone = [runs[name].alone for name in order]
+    awaited = [name in {run.before for run in runs.values()} for name in order]
+    assert set(order) == set(runs) and alone == sorted(alone)
+    together = awaited[: alone.index(True)]
+    assert any(together) and together == sorted(together, reverse=True)
+    costs = [cost(runs[name]) for name in order[sum(together) : len(together)]]
+    assert costs == sorted(costs, reverse=True) and costs[0] > costs[-2] > costs[-1] == 0  # the last one measures
+
+
+def test_timed_runs_are_those_of_one_seed_and_start_from_such(runs):
+    timed = {name for name, run in runs.items() if run.alone}
+    assert timed == {name for name in runs if name.endswith("-alone")}
+    for name in timed:
+        assert len(parse_seeds(Scale("full", "12").apply(runs[name]).seeds)) == 1
+        assert runs[name].before is None or runs[name].before in timed
+    assert all(run.before not in timed for name, run in runs.items() if name not in timed)
+
+
+def test_the_status_of_a_timed_run_says_that_it_was_alone():
+    progress = SimpleNamespace(notes={})
+    work.Alone().on_plan(progress)
+    assert progress.notes == {"alone": True}
+
+
+def test_device_names():
+    assert locks._device_name(1, [""], {"0": "GPU-a", "1": "GPU-b"}) == "GPU-b"
+    assert locks._device_name(0, ["1"], {"0": "GPU-a", "1": "GPU-b"}) == "GPU-b"
+    assert locks._device_name(0, ["GPU-b"], {"0": "GPU-a", "1": "GPU-b"}) == "GPU-b"
+    assert locks._device_name(0, ["3"], {}).endswith("-3") and locks._device_name(2, [""], {}).endswith("-2")
+    assert len(locks.device_names()) == 1  # the processor, however many devices it is made to look like
+
+
+def test_no_run_is_on_seeds_that_settings_were_chosen_on(runs):
+    """Those in ZoneEnv on none that any search had; those in WaterWorld, whose seeds are its maps, on none of its own.
+    The benchmark has maps 1 to 10 and no others, and `experiments.tuning` names those that a search had."""
+    searched = {seed for search in tuning.TUNED.values() for seed in search.seeds}
+    for name, run in runs.items():
+        if run.config is not None and run.seeds != MAPS:
+            seeds, in_zones = set(parse_seeds(Scale("full", "12").apply(run).seeds)), run.first_seed > 0
+            assert in_zones == name.startswith(("zone-", "safe-", "prime-")), name
+            assert not seeds & (searched if in_zones else set(tuning.TUNED["waterworld_dqn"].seeds)), name
+            assert seeds <= set(range(24, 36) if in_zones else range(12)), name
+    for name in ("zone-t2tl", "safe-rm", "water-t1tl", "water-pretraining-gnn"):
+        config = Scale("full", "12").apply(runs[name])
+        assert not tuning.tuning_seeds(config, parse_seeds(config.seeds)), name
+
+
+def test_a_run_starts_from_one_of_the_same_seeds(runs):
+    for seeds in ("3", "5,", "100,7"):
+        scale = Scale("full", seeds)
+        for name, run in runs.items():
+            if run.before is not None:
+                assert scale.apply(run).seeds == scale.apply(runs[run.before]).seeds, name
+    assert Scale("full", "3").apply(runs["zone-rm"]).seeds == "24,25,26,"
+    assert Scale("full", "3").apply(runs["water-rm"]).seeds == "3"
+    assert Scale("full", "100,7").apply(runs["zone-rm"]).seeds == "100,7"
+
+
+def git(repository, *arguments):
+    who = ["-c", "user.name=Nobody", "-c", "user.email=nobody@example.org", "-c", "commit.gpgsign=false"]
+    done = subprocess.run(["git", "-C", repository, *who, *arguments], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def repository(tmp_path_factory):
+    """A checkout of two commits, and a third one on a branch that is not checked out."""
+    path = tmp_path_factory.mktemp("repository")
+    git(path, "init", "--initial-branch", "main")
+    git(path, "commit", "--allow-empty", "--message", "one")
+    git(path, "branch", "side")
+    git(path, "commit", "--allow-empty", "--message", "two")
+    git(path, "checkout", "--quiet", "side")
+    git(path, "commit", "--allow-empty", "--message", "three")
+    git(path, "checkout", "--quiet", "main")
+    return path
+
+
+@pytest.fixture
+def source(tmp_path, repository):
+    """The folder of a run that was made from a commit before the one that is checked out."""
+    path = tmp_path / "runs" / "run"
+    path.mkdir(parents=True)
+    made_from(path, git(repository, "rev-parse", "main~1"))
+    return path
+
+
+def made_from(path, revision, modified=False, **more):
+    versions = {"git_revision": revision, "git_modified": modified}
+    (path / "versions.json").write_text(json.dumps({"started": versions | more}))
+
+
 @pytest.mark.parametrize("versions", [{"git_revision": None}, {"git_revision": "abc", "git_modified": True}])
-def test_results_of_a_modified_tree_are_not_kept(tmp_path, versions):
-    source = tmp_path / "run"
-    source.mkdir()
-    (source / "versions.json").write_text(json.dumps({"started": versions}))
-    with pytest.raises(UserError, match="clean commit"):
-        stored.keep("run", source, tmp_path / "kept")
-    clean = {"git_revision": "abc", "git_modified": False}
-    (source / "versions.json").write_text(json.dumps({"started": clean, "resumed": [versions]}))
-    with pytest.raises(UserError, match="clean commit"):
-        stored.keep("run", source, tmp_path / "kept")
+def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, versions):
+    clean = json.loads((source / "versions.json").read_text())["started"]
+    for sessions in ({"started": versions}, {"started": clean, "resumed": [versions]}):
+        (source / "versions.json").write_text(json.dumps(sessions))
+        with pytest.raises(UserError, match="clean commit"):
+            stored.keep("run", source, tmp_path / "kept", repository=repository)
     (source / "versions.json").write_text(json.dumps({"started": clean}))
-    stored.keep("run", source, tmp_path / "kept")
+    stored.keep("run", source, tmp_path / "kept", repository=repository)
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["versions.json"]
+
+
+def test_results_of_commits_that_nobody_could_look_up_are_not_kept(source, tmp_path, repository, monkeypatch):
+    def kept(revision):
+        made_from(source, revision)
+        stored.keep("run", source, tmp_path / "kept", repository=repository)
+
+    for name in ("main", "main~1"):
+        kept(git(repository, "rev-parse", name))
+    with pytest.raises(UserError, match="which is not in the history of what is checked out"):
+        kept(git(repository, "rev-parse", "side"))
+    with pytest.raises(UserError, match="git does not know commit 0123456"):
+        kept("0123456789" * 4)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(UserError, match="git cannot be asked"):
+        kept("0123456789" * 4)
+
+
+def test_what_is_kept_names_no_folder_of_the_machine(source, tmp_path, repository):
+    command = [str(repository / "experiments" / "reproduce.py"), "--folder", str(tmp_path), f"--only={source}"]
+    made_from(source, git(repository, "rev-parse", "HEAD"), command=command, xla_flags="--xla_dump_to=/home/me --x=1")
+    config = {"pretrained": str(source.parent / "before"), "run": {"compilation_cache": "/home/me/cache"}, "frames": 3}
+    (source / "config.json").write_text(json.dumps(config))
+    stored.keep("run", source, tmp_path / "kept", repository=repository)
+    assert json.loads((tmp_path / "kept" / "config.json").read_text()) == {
+        "pretrained": "../before",
+        "run": {"compilation_cache": ""},
+        "frames": 3,
+    }
+    versions = json.loads((tmp_path / "kept" / "versions.json").read_text())["started"]
+    assert versions["command"] == ["experiments/reproduce.py", "--folder", tmp_path.name, "--only=../run"]
+    assert versions["xla_flags"] == "--xla_dump_to=me --x=1"
+
+
+def test_what_is_stored_names_no_folder_of_a_machine():
+    for file in reproduce.RESULTS.glob("*/*.json"):
+        text = file.read_text(encoding="utf-8")
+        assert '"/' not in text and "=/" not in text and "~/" not in text, file
+
+
+def test_the_agent_of_the_first_seed_is_kept_where_it_is_small(tmp_path, repository, monkeypatch):
+    source, said = tmp_path / "run", []
+    result = t2tl_jax.train("fake", seeds=[7, 1], folder=source)
+    made_from(source, git(repository, "rev-parse", "HEAD"))
+
+    def kept():
+        stored.keep("run", source, tmp_path / "kept", agent=True, say=said.append, repository=repository)
+        return tmp_path / "kept"
+
+    assert kept().joinpath("params.npz").stat().st_size < 10_000 and not said
+    again = t2tl_jax.load(tmp_path / "kept")
+    assert again.seeds == (7,) and again.iteration == result.iteration
+    for which in ("final", "best"):
+        jax.tree.map(
+            lambda one, all_: np.testing.assert_array_equal(one, all_[:1]), again.params[which], result.params[which]
+        )
+    monkeypatch.setattr(stored, "MOST_MEBIBYTES", 1e-6)
+    assert not kept().joinpath("params.npz").exists() and "run: parameters are not kept" in said[0]
+
+
+def test_agents_that_are_kept_are_those_of_the_methods_tables(runs):
+    assert set(AGENTS) <= set(runs) and all(runs[name].evaluated and not runs[name].alone for name in AGENTS)
+    assert set(AGENTS) >= {"zone-t2tl", "zone-dfa_number", "water-dfa_cont"}
 
 
 def test_a_smoke_test_says_so_beside_every_item(tmp_path):
@@ -188,7 +393,7 @@ def test_a_frozen_encoder_is_found_again_whatever_its_pretraining_is_called(runs
 
 
 def test_the_command_lists_items_and_refuses_what_it_does_not_know(capsys):
-    assert reproduce.main(["--list", "True", "--only", "fig-zone,tables-steps"]) == 0
+    assert reproduce.main(["--list", "--only", "fig-zone,tables-steps"]) == 0
     assert "steps-5-2-size-2.5-gnn" in capsys.readouterr().out
     assert reproduce.main(["--only", "fig-zne"]) == 2
     assert "fig-zone" in capsys.readouterr().err

@@ -45,6 +45,28 @@ def test_errors_are_messages(argv, message, capsys):
     assert captured.err.startswith("error: ") and message in captured.err and not captured.out
 
 
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["F a", "--wrd", "a"], "unknown option '--wrd'; did you mean '--word'?"),
+        (["F a", "--max-rows", "many"], "--max-rows takes a whole number, got 'many'"),
+        (["F a", "--alphabet", "every"], "did you mean 'every_subset'?"),
+        (["--dot", "F a"], "unknown --dot 'F a'"),
+        (["F a", "-w", "a"], "every option begins with --, got '-w'"),
+    ],
+)
+def test_mistakes_in_options_are_plain_lines(argv, message, capsys):
+    assert main(argv) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("error: ") and message in lines[0] and len(lines) <= 2
+
+
+def test_help(capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["--help"])
+    assert left.value.code == 0 and "--max-rows" in capsys.readouterr().out
+
+
 def test_starts_without_jax():
     code = "import sys, t2tl_jax.ltl.__main__ as m; m.main(['F a']); sys.exit('jax' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)

@@ -13,9 +13,9 @@ import jax
 import pytest
 
 from experiments.cli import request
-from experiments.cli.flags import _fields
 from t2tl_jax import registry
 from t2tl_jax.errors import UserError
+from t2tl_jax.flags import _fields
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
 

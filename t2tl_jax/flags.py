@@ -1,8 +1,8 @@
 """Flags to a dataclass, and errors that name the nearest valid spelling.
 
 tyro writes the help and reads the values. Which flags there are and what each of them takes is told by the dataclass
-itself, so that mistakes are found here, in words of our own. Loads no JAX, so that ``--help`` and mistakes of the
-commands that read a finished run are answered at once.
+itself, so that mistakes are found here, in words of our own. Loads no JAX, so that ``--help`` and mistakes of commands
+that need none are answered at once.
 """
 
 import contextlib
@@ -22,8 +22,8 @@ from t2tl_jax.names import nearest
 T = TypeVar("T")
 
 OPTIONS = (tyro.conf.FlagConversionOff, tyro.conf.AvoidSubcommands)
-"""Truth values are written out (``--run.gif False``), as in the configuration file. Of environments, networks and
-learners the flags are those of the kind that the chosen configuration has."""
+"""Truth values are written out (``--run.gif False``), as in the configuration file; a flag by itself means True. Of
+environments, networks and learners the flags are those of the kind that the chosen configuration has."""
 
 HELP = {"-h", "--help"}
 
@@ -133,6 +133,8 @@ def _grouped(arguments: Sequence[str]) -> dict[str, list[str]]:
 
 def _value(flag: str, hint: Any, words: Sequence[str]) -> Any:
     """What the words behind a flag mean."""
+    if hint is bool and not words:
+        return True
     choices = _choices(hint)
     if choices and len(words) == 1 and words[0] not in choices:
         raise unknown(flag, words[0], choices)

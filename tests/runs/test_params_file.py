@@ -1,0 +1,107 @@
+"""A run that is kept with the parameters of some seeds instead of its checkpoints."""
+
+import shutil
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+import t2tl_jax
+import tests.fake_learner  # noqa: F401
+from t2tl_jax import UserError, load
+from t2tl_jax.runs import params_file
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A run of seeds 7, 1 and 5, with its checkpoints."""
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    t2tl_jax.train("fake", seeds=[7, 1, 5], folder=folder)
+    return load(folder)
+
+
+@pytest.fixture
+def kept(whole, tmp_path):
+    """The folder of a copy with the parameters of seed 1 alone, and these parameters."""
+    folder = Path(shutil.copytree(whole.folder, tmp_path / "kept", ignore=shutil.ignore_patterns("checkpoints")))
+    of_one = {which: jax.tree.map(lambda leaf: leaf[1:2], params) for which, params in whole.params.items()}
+    of_one["best"] = jax.tree.map(lambda leaf: leaf + 1, of_one["best"])
+    params_file.write(folder / "params.npz", of_one, [1], whole.iteration)
+    return folder, of_one
+
+
+def test_it_loads_as_a_run_of_the_seeds_that_it_holds(kept, whole):
+    folder, of_one = kept
+    result = load(folder)
+    assert result.seeds == (1,) and (result.iteration, result.ended) == (whole.iteration, whole.ended)
+    for which in ("final", "best"):
+        jax.tree.map(np.testing.assert_array_equal, result.params[which], of_one[which])
+    assert set(result.metrics) == set(whole.metrics)
+    for name, values in whole.metrics.items():
+        np.testing.assert_array_equal(result.metrics[name], values[1:2])
+    with pytest.raises(UserError, match="no seed 7; its seeds: 1"):
+        result.policy(7)
+
+
+def test_its_evaluation_is_shown_and_not_mixed_with_those_of_all_seeds(kept, evaluate_run, capsys):
+    folder = kept[0]
+    (folder / "evaluation.json").write_text('{"evaluations": []}')
+    assert evaluate_run(folder, "--episodes", "20") == 0
+    assert "not stored: only seeds 1 of 7,1,5" in capsys.readouterr().out
+    assert (folder / "evaluation.json").read_text() == '{"evaluations": []}'
+
+
+def test_checkpoints_go_before_it(kept, whole):
+    shutil.copytree(whole.folder / "checkpoints", kept[0] / "checkpoints")
+    assert load(kept[0]).seeds == (7, 1, 5)
+
+
+def test_it_is_not_trained_further(kept):
+    before = (kept[0] / "metrics.csv").read_bytes()
+    with pytest.raises(UserError, match="kept without its checkpoints"):
+        t2tl_jax.resume(kept[0])
+    assert (kept[0] / "metrics.csv").read_bytes() == before
+
+
+def with_other(change):
+    def damage(file):
+        with np.load(file) as content:
+            arrays = dict(content)
+        change(arrays)
+        np.savez(file, **arrays)
+
+    return damage
+
+
+def first(arrays):
+    return next(name for name in arrays if name.startswith("final/"))
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda file: file.write_text("no archive"), "cannot read"),
+        (lambda file: file.write_bytes(file.read_bytes()[:200]), "cannot read"),
+        (lambda file: np.save(file.open("wb"), np.zeros(3)), "cannot read"),
+        (with_other(lambda arrays: arrays.update(seeds=np.array([{}], object))), "Object arrays cannot be loaded"),
+        (with_other(lambda arrays: arrays.pop("seeds")), "does not say of which seeds"),
+        (with_other(lambda arrays: arrays.update(seeds=np.array([1.0]))), "does not say of which seeds"),
+        (
+            with_other(lambda arrays: arrays.update(seeds=np.array([99]))),
+            r"is of seeds \[99\], and the seeds of its run are \[7, 1",
+        ),
+        (with_other(lambda arrays: arrays.pop("iteration")), "iteration: a whole number expected"),
+        (with_other(lambda arrays: arrays.pop(first(arrays))), "nothing in the file, float32"),
+        (
+            with_other(lambda arrays: arrays.update({first(arrays): np.zeros((1, 77), "f4")})),
+            r"float32\[1, 77\] in the",
+        ),
+        (with_other(lambda arrays: arrays.update({first(arrays): np.zeros(1, "f8")})), r"float64\[1\] in the file"),
+        (with_other(lambda arrays: arrays.update(more=np.zeros(1))), "more: not expected"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused(kept, damage, said):
+    damage(kept[0] / "params.npz")
+    with pytest.raises(UserError, match=said):
+        load(kept[0])
