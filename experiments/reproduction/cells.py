@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import stats
 
+from experiments.reproduction.measures import frames_before
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation import statistics
 
@@ -47,11 +48,6 @@ def _million(frames: float) -> str:
     return f"{frames / 1e6:.2f} M" if np.isfinite(frames) else "never"
 
 
-def frames_before(run: Stored) -> int | None:
-    """Frames that each seed's encoder was pre-trained for, 0 without pre-training; None if they are not known."""
-    return run.status.get("pretraining", {}).get("frames_per_seed") if run.config.pretrained else 0
-
-
 def cost(run: Stored) -> tuple[str, str, str]:
     """Frames of each seed, also those of pre-training, and seconds of training all seeds together and of compiling."""
     before = frames_before(run)
@@ -64,15 +60,15 @@ def cost_line(runs: Mapping[str, Stored]) -> str:
     if not runs:
         return ""
     every = list(runs.values())
-    before = {run.status["pretraining"]["folder"]: run.status["pretraining"] for run in every if frames_before(run)}
+    before = [run.status["pretraining"] for run in every if frames_before(run)]
     said = (
         f"Of each run: {_span([run.frames for run in every])} frames a seed, training of all seeds "
         f"{_span([round(run.train_seconds) for run in every])} s, compiling "
         f"{_span([round(run.compile_seconds) for run in every])} s."
     )
     if before:
-        frames = _span([note["frames_per_seed"] for note in before.values()])
-        seconds = _span([round(note["training_seconds"]) for note in before.values()])
+        frames = _span([note["frames_per_seed"] for note in before])
+        seconds = _span([round(note["training_seconds"]) for note in before])
         said += f" Pre-training, apart: {frames} frames a seed, all seeds {seconds} s."
     return said
 

@@ -8,12 +8,8 @@ from experiments.reproduction.cells import COST, cost, solved, text
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.scores import return_by_episode
-from t2tl_jax.evaluation.statistics import band
 
 Curve = tuple[Sequence[float], Sequence[float]]
-
-Band = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Where, and mean over seeds with the ends of its 95 % interval there, each ``float[points]``; NaN where unknown."""
 
 SPAN = 250_000
 """Frames over which a curve is averaged for a mark."""
@@ -99,21 +95,3 @@ def returns_at(run: Stored, marks: Sequence[int]) -> np.ndarray:
 def mean_return_at(run: Stored, marks: Sequence[int]) -> dict[int, float]:
     """Mean of the same over the marks, by seed; NaN for a seed that did not play so many episodes."""
     return dict(zip(run.seeds, returns_at(run, marks).mean(axis=1).tolist(), strict=True))
-
-
-def curves(runs: Mapping[str, Stored], labels: Mapping[str, str]) -> dict[str, Band]:
-    """For drawing, by label: discounted return in training against frames."""
-    return {
-        label: (runs[name].metrics["frames"][0], *band(runs[name].metrics["discounted_return"]))
-        for name, label in labels.items()
-        if name in runs
-    }
-
-
-def curves_of_episodes(runs: Mapping[str, Stored], labels: Mapping[str, str], marks: Sequence[int]) -> dict[str, Band]:
-    """For drawing, by label: return without discount of the last 500 episodes against the number of episodes."""
-    return {
-        label: (np.asarray(marks, float), *band(returns_at(runs[name], marks)))
-        for name, label in labels.items()
-        if name in runs
-    }

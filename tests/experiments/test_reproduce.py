@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from experiments import reproduce
-from experiments.reproduction import claims, items, representations, stored, work
+from experiments.reproduction import claims, items, measures, representations, stored, work
 from experiments.reproduction.page import SMOKE, page
 from experiments.reproduction.plan import Item, Run, Scale
 from experiments.reproduction.runs import all_runs
-from experiments.reproduction.sections import ablation, unit_time
+from experiments.reproduction.sections import unit_time
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.interrupts import NeverStop
@@ -153,7 +153,7 @@ def test_figures_of_a_stored_run(water):
     one = columns["seed"] == run.seeds[3]
     rewards = columns["episodes"][one] * np.nan_to_num(columns["success_rate"][one] - columns["violation_rate"][one])
     assert unit_time.reward_sum(run)[run.seeds[3]] == pytest.approx(rewards.sum())
-    curve, since = columns["success_rate"][one], ablation.frames_to(run)[run.seeds[3]]
+    curve, since = columns["success_rate"][one], measures.frames_to(run)[run.seeds[3]]
     dips = np.flatnonzero(np.nan_to_num(curve) <= 0.95)
     last = len(curve) - 1 - dips[-1]  # iterations above 95 % up to the end
     assert np.isfinite(since) == (last >= window(run.config))

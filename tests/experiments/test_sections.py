@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.paper import published_attention, published_water, published_widths, step_tables
-from experiments.reproduction import claims, representations
+from experiments.reproduction import claims, measures, representations
 from experiments.reproduction.items import ITEMS
 from experiments.reproduction.runs import all_runs
 from experiments.reproduction.sections import ablation, attention, benchmark, figures, safe, steps, unit_time, widths
@@ -171,13 +171,13 @@ def test_frames_of_pretraining_go_before_those_of_training(make):
         "water-t1tl-pre-none": make("water-t1tl-pre-none", success_rate=curve, frames=100_000),
     }
     own, none = runs.values()
-    assert ablation.frames_to(own) == dict.fromkeys(SEEDS, 500_000)
-    assert ablation.delayed(own, "success_rate") == dict.fromkeys(SEEDS, 0.3)  # three iterations less of 6 in 10
-    assert ablation.delayed(none, "success_rate") == dict.fromkeys(SEEDS, 0.6)
+    assert measures.frames_to(own) == dict.fromkeys(SEEDS, 500_000)
+    assert measures.delayed(own, "success_rate") == dict.fromkeys(SEEDS, 0.3)  # three iterations less of 6 in 10
+    assert measures.delayed(none, "success_rate") == dict.fromkeys(SEEDS, 0.6)
     long = make("water-gnn-pre-own", success_rate=curve, frames=100_000, status=pretrained(5_000_000))
-    assert ablation.delayed(long, "success_rate") == dict.fromkeys(SEEDS, 0.0)
+    assert measures.delayed(long, "success_rate") == dict.fromkeys(SEEDS, 0.0)
     unknown = make("water-gnn-pre-random", success_rate=curve)
-    assert ablation.delayed(unknown, "success_rate") == {}
+    assert measures.delayed(unknown, "success_rate") == {}
     text = ITEMS["pretraining-water"].section(runs)
     shown = rows(text)["water-t1tl-pre-own"]
     assert shown[5] == "0.50 M" and shown[6] == "0.75 M" and "1,000,000 + 250,000" in shown

@@ -5,13 +5,12 @@ from typing import Literal
 
 import numpy as np
 
-from experiments.reproduction.cells import COST, cost, frames_before, median_frames, share, solved, text
+from experiments.reproduction.cells import COST, cost, median_frames, share, solved, text
 from experiments.reproduction.claims import differences
+from experiments.reproduction.measures import delayed, frames_before, frames_to
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
-from t2tl_jax.runs.metrics_file import area
-from t2tl_jax.runs.success import success_since, window
 
 Unit = Literal["success_rate", "discounted_return"]
 
@@ -130,25 +129,3 @@ def _with_pretraining(runs: Mapping[str, Stored]) -> Columns:
         reached = [] if before is None else [before + frames for frames in frames_to(run).values()]
         cells.append((median_frames(reached),))
     return ("the same with those of pre-training",), cells
-
-
-def frames_to(run: Stored) -> dict[int, float]:
-    """Frames after which success in training rose above 95 % and stayed, for a time limit at least; inf if never."""
-    since = success_since(run.metrics["success_rate"], window(run.config))
-    frames = run.metrics["frames"][0][0]
-    return dict(zip(run.seeds, np.where(since > 0, since * frames, np.inf).tolist(), strict=True))
-
-
-def delayed(run: Stored, name: str) -> dict[int, float]:
-    """Mean of a metric by seed over as many frames as its training has, the first of which are its pre-training's.
-
-    The metric is 0 in those, and the last part of the training is left out. Empty where their number is not known.
-    """
-    before = frames_before(run)
-    if before is None:
-        return {}
-    values = run.metrics[name]
-    count = values.shape[1]
-    kept = count - int(np.ceil(before / run.metrics["frames"][0][0]))
-    means = area(values[:, :kept]) * kept / count if kept > 0 else np.zeros(len(values))
-    return dict(zip(run.seeds, means.tolist(), strict=True))

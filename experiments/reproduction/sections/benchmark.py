@@ -38,8 +38,8 @@ NOTE = "Published: mean and standard deviation over maps 1 to 10 and two repeats
 
 def benchmark(runs: Mapping[str, Stored]) -> str:
     """Normalised score of the ten tasks and discounted return of the single one, with what is published of both."""
-    parts = [*_ten({name: runs[name] for name in TEN if name in runs})]
-    parts += _single({name: runs[name] for name in SINGLE if name in runs})
+    ten = {name: run for name, run in runs.items() if "best_score_10" in run.columns}
+    parts = _ten(ten) + _single({name: run for name, run in runs.items() if name not in ten})
     return "\n\n".join(part for part in [*parts, NOTE, cost_line(runs)] if part) if parts else ""
 
 
@@ -47,10 +47,8 @@ def _ten(runs: Mapping[str, Stored]) -> list[str]:
     if not runs:
         return []
     marks, curves = published_water.STEPS, scores(runs)
-    rows = []
-    for name, published in TEN.items():
-        if name in curves:
-            rows.append([name, *(text(at.tolist(), 2) for at in np.transpose(list(curves[name].values())))])
+    rows = [[name, *(text(at.tolist(), 2) for at in np.transpose(list(of.values())))] for name, of in curves.items()]
+    for published in TEN.values():
         each = zip(*published_water.SCORES[published], strict=True)
         rows.append([f"{published}, published", *(f"{mean:.2f} ± {deviation:.2f}" for mean, deviation in each)])
     means = {name: {seed: float(curve.mean()) for seed, curve in of.items()} for name, of in curves.items()}
