@@ -149,6 +149,8 @@ def _read(arguments: Arguments) -> None:
     if arguments.all_seeds:
         stages_of_params = {"start": begun.params, "end": end}
         numbers["over_seeds"] = _all_seeds(reader, result.seeds, stages_of_params, env_params_of, keys, row, target)
+        if before is not None:
+            numbers["out_projection_change"] = _projection_changes(result.seeds, begun.params, end)
     run_folder.write_json(target.with_suffix(".json"), numbers)
     print(f"stored: {target.with_suffix('.json')}")
 
@@ -168,6 +170,18 @@ def _draw_projections(target: Path, title: str, start: tuple[str, Any], end: tup
         f"change of the out-projections, by layer: {', '.join(f'{x:.3f}' for x in change.mean(axis=1))} of their size"
     )
     print(f"drawn: {picture}\nstored: {picture.with_suffix('.npz')}")
+
+
+def _projection_changes(seeds: Sequence[int], start: Any, end: Any) -> dict[str, Any]:
+    """How far the out-projections of each seed's layers moved, over their size at the start, as means over heads."""
+    from t2tl_jax.evaluation.projections import Projections, out_projections
+    from t2tl_jax.runs.policy import seed_slice
+
+    by_layer = []
+    for k in range(len(seeds)):
+        weights = (out_projections(seed_slice(params, k)["params"]["task_encoder"]) for params in (start, end))
+        by_layer.append(Projections(*weights).relative_change.mean(axis=1).tolist())
+    return {"seeds": list(seeds), "by_layer": by_layer}
 
 
 def _all_seeds(

@@ -11,7 +11,6 @@ from t2tl_jax.registry import make_env
 from t2tl_jax.runs.config import Config
 
 
-@cache
 def worlds(config: Config, seeds: tuple[int, ...]) -> Any:
     """The environment's configuration, where its maps differ by seed; None where a seed is nothing but a random number.
 
@@ -19,10 +18,16 @@ def worlds(config: Config, seeds: tuple[int, ...]) -> Any:
         config: of a run.
         seeds: its seeds.
     """
+    return _worlds(config.env, seeds)
+
+
+@cache
+def _worlds(described: Any, seeds: tuple[int, ...]) -> Any:
+    """The same for what describes an environment, which many runs share."""
     try:
-        env = make_env(config.env)
+        env = make_env(described)
         maps = [jax.tree.leaves(env.make_params(seed)) for seed in seeds[:2]]
     except (UserError, ValueError):  # an environment that was given as an object, or a seed without a map
         return None
     differ = len(maps) > 1 and any(not np.array_equal(a, b) for a, b in zip(*maps, strict=True))
-    return config.env if differ else None
+    return described if differ else None

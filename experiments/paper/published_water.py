@@ -42,6 +42,17 @@ SCORES = {
 }
 """Normalised score (mean, standard deviation) after ``STEPS`` environment steps."""
 
+SINGLE_STEPS = (100_000, 200_000, 400_000, 1_000_000, 2_000_000)
+"""Environment steps at which shares of the single task are known."""
+
+SINGLE_REWARDED = {
+    "ql": (0.378, 0.877, 0.975, 0.986, 0.984),
+    "crm": (0.226, 0.788, 0.963, 0.988, 0.968),
+    "ql-rs": (0.242, 0.698, 0.950, 0.988, 0.981),
+    "crm-rs": (0.197, 0.710, 0.946, 0.986, 0.988),
+}
+"""Share of the last 100 episodes of the single task, t10, that ended with reward 1, after ``SINGLE_STEPS`` steps."""
+
 EPISODES = (500, 1000, 1500, 2000, 2500, 3000, 4000, 5000, 6000, 6500, 7000, 7500)
 """Episodes at which the picture of `phi_water` was read."""
 

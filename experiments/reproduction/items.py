@@ -1,9 +1,11 @@
 """The items of the reproduction: tables and figures of the paper, measurements beside them, and the runs of each."""
 
 from experiments.paper import step_tables
-from experiments.reproduction import representations, sections
+from experiments.reproduction import representations
 from experiments.reproduction import runs as named
 from experiments.reproduction.plan import Item
+from experiments.reproduction.sections import attention, benchmark, figures, safe, steps, unit_time, widths
+from experiments.reproduction.sections.ablation import ablation
 from t2tl_jax.evaluation.comparisons import Pairs
 
 
@@ -33,19 +35,23 @@ def _steps_names() -> tuple[str, ...]:
 
 _READERS = ("transformer", "gnn")
 
+_PAPER_FORM = _names("water-paper-{}", ("t1tl", "t2tl", "gnn", "t1tl-slow"))
+
+_T1TL_PIECES = _names("water-t1tl-{}", ("own-row", "printed-argmax", "random-starts", "every-step"))
+_ONE_HOT_PIECES = ("water-dfa", *_names("water-rm-{}", ("printed-argmax", "random-starts", "every-step")))
+"""What is taken away or changed; without simultaneous learning the one-hot code is dfa."""
+
 ITEMS: dict[str, Item] = {
     "fig-zone": Item(
         "ZoneEnv, `phi_zone`: six methods, DFA both ways",
         _names("zone-{}", named.ZONE_METHODS),
-        sections.zone_figure,
+        figures.zone_figure,
         smoke=("zone-t2tl", "zone-dfa_number"),
     ),
     "fig-water": Item(
-        "WaterWorld, `phi_water`: six methods", _names("water-{}", named.WATER_METHODS), sections.water_figure
+        "WaterWorld, `phi_water`: six methods", _names("water-{}", named.WATER_METHODS), figures.water_figure
     ),
-    "tables-steps": Item(
-        "Steps to complete: sub-goals, obstacles, size of the obstacles", _steps_names(), sections.steps
-    ),
+    "tables-steps": Item("Steps to complete: sub-goals, obstacles, size of the obstacles", _steps_names(), steps.steps),
     "table-unit-time": Item(
         "Reward per unit time",
         (
@@ -56,7 +62,7 @@ ITEMS: dict[str, Item] = {
             *_names("zone-pretraining-{}-alone", _READERS),
             *_names("water-pretraining-{}-alone", _READERS),
         ),
-        sections.unit_time,
+        unit_time.unit_time,
         smoke=("zone-dfa_number", "zone-dfa_number-alone"),
     ),
     "fig-dimensions": Item(
@@ -73,64 +79,61 @@ ITEMS: dict[str, Item] = {
             "zone-dfa",
             "zone-dfa-32",
         ),
-        sections.dimensions,
+        widths.dimensions,
     ),
     "water-form": Item(
         "WaterWorld's learners in the paper's form: encoder trained on, code concatenated",
-        ("water-t1tl", *_names("water-paper-{}", ("t1tl", "t2tl", "gnn", "t1tl-slow"))),
-        sections.ablation(
-            _with_each("water-t1tl", _names("water-paper-{}", ("t1tl", "t2tl", "gnn", "t1tl-slow"))), "success_rate"
+        ("water-t1tl", *_PAPER_FORM),
+        ablation(
+            [*_with_each("water-t1tl", _PAPER_FORM), ("water-paper-t1tl-slow", "water-paper-t1tl")],
+            "success_rate",
+            codes=True,
         ),
         smoke=("water-t1tl", "water-paper-t1tl-slow"),
     ),
     "simultaneous": Item(
         "Simultaneous learning, piece by piece (`phi_water`, T1TL)",
-        ("water-t1tl", *_names("water-t1tl-{}", ("own-row", "printed-argmax", "random-starts", "every-step"))),
-        sections.ablation(
-            _with_each(
-                "water-t1tl", _names("water-t1tl-{}", ("own-row", "printed-argmax", "random-starts", "every-step"))
-            ),
-            "success_rate",
-        ),
+        ("water-t1tl", *_T1TL_PIECES),
+        ablation(_with_each("water-t1tl", _T1TL_PIECES), "success_rate", claims=[("water-t1tl", "water-t1tl-own-row")]),
     ),
     "simultaneous-one-hot": Item(
         "Simultaneous learning, piece by piece (`phi_water`, one-hot)",
-        ("water-rm", "water-dfa", *_names("water-rm-{}", ("printed-argmax", "random-starts", "every-step"))),
-        sections.ablation(
-            _with_each(
-                "water-rm",
-                ("water-dfa", *_names("water-rm-{}", ("printed-argmax", "random-starts", "every-step"))),
-            ),
-            "success_rate",
-        ),
+        ("water-rm", *_ONE_HOT_PIECES),
+        ablation(_with_each("water-rm", _ONE_HOT_PIECES), "success_rate", claims=[("water-rm", "water-dfa")]),
     ),
     "pretraining-zone": Item(
         "Pre-training in ZoneEnv: none, on the task, on random formulas",
         tuple(f"zone-{method}-pre-{kind}" for method in ("t2tl", "t1tl", "gnn") for kind in ("none", "own", "random")),
-        sections.ablation(_pretrained_first("zone"), "discounted_return", claimed=True),
+        ablation(_pretrained_first("zone"), "discounted_return", claims=_pretrained_first("zone"), pretraining=True),
     ),
     "pretraining-water": Item(
         "Pre-training in WaterWorld, encoders trained on: none, on the task, on random formulas",
         tuple(f"water-{method}-pre-{kind}" for method in ("t2tl", "t1tl", "gnn") for kind in ("none", "own", "random")),
-        sections.ablation(_pretrained_first("water"), "success_rate", claimed=True),
+        ablation(
+            _pretrained_first("water"),
+            "success_rate",
+            claims=_pretrained_first("water"),
+            codes=True,
+            pretraining=True,
+        ),
     ),
-    "safe": Item("`phi_safe`, the running example", _names("safe-{}", named.ZONE_METHODS), sections.safe),
+    "safe": Item("`phi_safe`, the running example", _names("safe-{}", named.ZONE_METHODS), safe.safe),
     "attention": Item(
         "Attention on `phi_zone_prime`, from a fresh and from a pre-trained encoder",
         ("prime-fresh", "prime-own"),
-        sections.attention,
+        attention.attention,
     ),
     "representations": Item("Representations", (representations.NAME,), representations.section),
-    "published": Item("The published program to its end", ("zone-published",), sections.published_program),
+    "published": Item("The published program to its end", ("zone-published",), figures.published_program),
     "reader": Item(
         "A GRU instead of the context Transformer",
         ("zone-t2tl-pre-own", "zone-gru-reader"),
-        sections.ablation([("zone-t2tl-pre-own", "zone-gru-reader")], "discounted_return"),
+        ablation([("zone-t2tl-pre-own", "zone-gru-reader")], "discounted_return"),
     ),
     "benchmark": Item(
         "The reward-machine benchmark",
         tuple(f"rm-{one}{kind}" for one in ("", "single-") for kind in ("crm", "ql", "crm_shaped", "ql_shaped")),
-        sections.benchmark,
+        benchmark.benchmark,
     ),
 }
 """By the names that ``--only`` takes."""

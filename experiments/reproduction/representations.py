@@ -47,11 +47,14 @@ def _measured(task: str, propositions: tuple[str, ...], alphabet: Any) -> dict[s
         "sub_tasks": int(compiled.is_open.sum()),
         "letters": int(compiled.next_row.shape[1]),
         "milliseconds": 1000 * statistics.median(seconds),
+        "least_and_most": [1000 * min(seconds), 1000 * max(seconds)],
     }
 
 
 def section(runs: dict[str, Stored]) -> str:
     """The table, from what was stored."""
+    if NAME not in runs:
+        return ""
     rows = [
         (
             f"`{row['task']}`",
@@ -61,7 +64,7 @@ def section(runs: dict[str, Stored]) -> str:
             str(row["sub_tasks"]),
             "16 (ZoneEnv), 32 (WaterWorld)",
             f"{row['sub_tasks'] + 2} x {row['letters']}",
-            f"{row['milliseconds']:.1f} ms",
+            "{:.1f} ms ({:.1f} to {:.1f})".format(row["milliseconds"], *row["least_and_most"]),
         )
         for row in read_json(runs[NAME].path / FILE)["rows"]
     ]
@@ -76,6 +79,8 @@ def section(runs: dict[str, Stored]) -> str:
         "compiling the table",
     )
     note = (
+        f"Nothing is trained: no seeds, no frames. Compiling is the median of {REPEATS} times (least to most), in\n"
+        f"one process on the processor ({runs[NAME].versions.get('cpu') or 'not known which'}).\n\n"
         "The paper calls the Transformer's representation built on the fly. Here every method's formulas are compiled\n"
         "ahead into a table; what stays the same for every formula is the width of the learned code."
     )

@@ -17,7 +17,7 @@ from t2tl_jax.evaluation.statistics import Estimate, rate
 from t2tl_jax.runs import config_files, params_file, train
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
-from t2tl_jax.runs.metrics_file import ending, history, read_columns
+from t2tl_jax.runs.metrics_file import area, ending, history, read_columns
 from t2tl_jax.runs.result import Result
 
 LAST = 0.05
@@ -102,7 +102,7 @@ class Stored:
 
     def area(self, name: str) -> dict[int, float]:
         """Mean of a metric over the whole training, by seed: the area under its curve over the frames."""
-        return dict(zip(self.seeds, np.nanmean(self.metrics[name], axis=1).tolist(), strict=True))
+        return dict(zip(self.seeds, area(self.metrics[name]).tolist(), strict=True))
 
     def played(self, which: str = "final", policy: str = "sampled", limit: int | None = None) -> dict[str, Any] | None:
         """A stored evaluation, within the run's own time limit by default; None where there is none."""

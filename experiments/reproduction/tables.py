@@ -1,29 +1,18 @@
-"""Tables that several items share: methods with their final figures, curves beside the published ones, orderings."""
+"""Tables that several items share: methods with their final figures, and curves beside the published ones."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from experiments.reproduction.cells import COST, cost, solved, text
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
-from experiments.worlds import worlds
-from t2tl_jax.evaluation import statistics
-from t2tl_jax.evaluation.comparisons import Pairs, compare, outcome
 from t2tl_jax.evaluation.scores import return_by_episode
 
-Values = Mapping[str, Mapping[int, float]]
 Curve = tuple[Sequence[float], Sequence[float]]
 
-
-def text(values: Mapping[int, float] | Sequence[float], digits: int = 3) -> str:
-    """Mean and interval over seeds, for a cell; a dash where there is nothing."""
-    data = list(values.values()) if isinstance(values, Mapping) else list(values)
-    return statistics.mean([value for value in data if np.isfinite(value)]).text(digits)
-
-
-def share(rates: Mapping[int, float]) -> str:
-    """Mean of rates over seeds, with an interval that stays within 0 and 1 and is never of zero width."""
-    return statistics.mean_rate([value for value in rates.values() if np.isfinite(value)]).text()
+SPAN = 250_000
+"""Frames over which a curve is averaged for a mark."""
 
 
 def methods(runs: Mapping[str, Stored], labels: Mapping[str, str], published: Mapping[str, float] | None = None) -> str:
@@ -36,33 +25,16 @@ def methods(runs: Mapping[str, Stored], labels: Mapping[str, str], published: Ma
         rows.append(
             (
                 labels[name],
-                f"{_share(run)}",
+                solved(run),
                 text(run.end("discounted_return")),
                 text(run.by_seed("discounted_return")),
                 text(run.by_seed("discounted_return", which="best")),
                 f"{published[name]:.2f}" if name in published else "-",
-                f"{run.frames:,}",
-                f"{run.train_seconds:.0f} s",
-                f"{run.compile_seconds:.0f} s",
+                *cost(run),
             )
         )
-    heading = (
-        "method",
-        "solved",
-        "return, training",
-        "return, final",
-        "return, best",
-        "published",
-        "frames",
-        "training, all seeds",
-        "compile",
-    )
+    heading = ("method", "solved", "return, training", "return, final", "return, best", "published", *COST)
     return table(heading, rows)
-
-
-def _share(run: Stored) -> str:
-    solved = run.solved()
-    return "-" if solved.value is None else f"{round(solved.value * solved.count)}/{solved.count}"
 
 
 def curves_by_frames(
@@ -70,18 +42,28 @@ def curves_by_frames(
 ) -> str:
     """Return in training over the quarter million frames that ends at each mark, and the published value there."""
     shown = {name: run for name, run in runs.items() if name in labels}
+    values = {name: return_by_frames(run, marks) for name, run in shown.items()}
     heading = ["frames", *(labels[name] for name in shown), *(f"{labels[name]}, published" for name in published)]
-    rows = []
-    for mark in marks:
-        row = [f"{mark / 1e6:g} M"]
-        for run in shown.values():
-            frames, returns = run.metrics["frames"][0], run.metrics["discounted_return"]
-            part = (frames <= mark) & (frames > mark - 250_000)
-            row.append(text(np.nanmean(returns[:, part], axis=1).tolist()) if part.any() else "-")
-        for curve in published.values():
-            row.append(f"{np.interp(mark, *curve):.2f}")
-        rows.append(row)
+    rows = [
+        [
+            f"{mark / 1e6:g} M",
+            *(text(of[:, k].tolist()) for of in values.values()),
+            *(f"{np.interp(mark, *curve):.2f}" for curve in published.values()),
+        ]
+        for k, mark in enumerate(marks)
+    ]
     return table(heading, rows)
+
+
+def return_by_frames(run: Stored, marks: Sequence[float]) -> np.ndarray:
+    """Mean discounted return of each seed over the `SPAN` frames that end at each mark, ``float[seeds, marks]``."""
+    frames, returns = run.metrics["frames"][0], run.metrics["discounted_return"]
+    values = np.full((len(returns), len(marks)), np.nan)
+    for k, mark in enumerate(marks):
+        part = returns[:, (frames <= mark) & (frames > mark - SPAN)]
+        known = np.isfinite(part).any(axis=1)
+        values[known, k] = np.nanmean(part[known], axis=1)
+    return values
 
 
 def curves_by_episode(
@@ -92,10 +74,7 @@ def curves_by_episode(
 ) -> str:
     """Return without discount of the last 500 episodes at each mark, and the published value there."""
     shown = {name: run for name, run in runs.items() if name in labels}
-    values = {
-        name: np.stack([return_by_episode(run.columns, seed, marks) for seed in run.seeds])
-        for name, run in shown.items()
-    }
+    values = {name: returns_at(run, marks) for name, run in shown.items()}
     heading = ["episode", *(labels[name] for name in shown), *(f"{name}, published" for name in published)]
     rows = [
         [
@@ -108,27 +87,11 @@ def curves_by_episode(
     return table(heading, rows)
 
 
-def differences(runs: Mapping[str, Stored], pairs: Pairs, values: Values, unit: str, claimed: bool = False) -> str:
-    """The first run of each pair against the second, corrected for so many pairs, be all of them measured or not.
+def returns_at(run: Stored, marks: Sequence[int]) -> np.ndarray:
+    """Return without discount of each seed's last 500 episodes at each mark, ``float[seeds, marks]``; NaN if later."""
+    return np.stack([return_by_episode(run.columns, seed, marks) for seed in run.seeds])
 
-    Args:
-        runs: those that are there.
-        pairs: names of runs; where `claimed`, the paper says that the first one is better.
-        values: by run and seed, what is compared.
-        unit: what that is, in words.
-        claimed: whether to say what becomes of the claims.
-    """
-    found = compare(values, {name: worlds(run.config, tuple(run.seeds)) for name, run in runs.items()}, pairs)
-    rows = [
-        (
-            f"{first} {'>' if claimed else '-'} {second}",
-            each.gap.text(),
-            f"{each.pvalue:.3g}",
-            each.improvement.text(2),
-            "paired" if each.paired else "",
-            *([outcome(each.gap)] if claimed else []),
-        )
-        for (first, second), each in found.items()
-    ]
-    heading = ["claim" if claimed else "runs", f"difference, {unit}", "p (Holm)", "probability of improvement", ""]
-    return table([*heading, *(["outcome"] if claimed else [])], rows)
+
+def mean_return_at(run: Stored, marks: Sequence[int]) -> dict[int, float]:
+    """Mean of the same over the marks, by seed; NaN for a seed that did not play so many episodes."""
+    return dict(zip(run.seeds, returns_at(run, marks).mean(axis=1).tolist(), strict=True))

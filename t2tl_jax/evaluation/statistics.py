@@ -90,9 +90,9 @@ def mean_rate(rates: Sequence[float] | np.ndarray) -> Estimate:
     return score_interval(centre, int(data.size)) if data.size > 1 else Estimate(centre, None, None, 1)
 
 
-def score_interval(share: float, count: int) -> Estimate:
+def score_interval(share: float, count: int, confidence: float = CONFIDENCE) -> Estimate:
     """Wilson's interval, where ``share * count`` need not be whole (scipy's takes whole numbers of successes)."""
-    squared = float(stats.norm.ppf(0.5 + CONFIDENCE / 2)) ** 2 / count
+    squared = float(stats.norm.ppf(0.5 + confidence / 2)) ** 2 / count
     centre = (share + squared / 2) / (1 + squared)
     half = np.sqrt(squared * (share * (1 - share) + squared / 4)) / (1 + squared)
     # Rounding must not leave the share outside.

@@ -207,6 +207,7 @@ def can_be_read(folder):
         over_seeds = read["over_seeds"][stage]
         assert over_seeds["seeds"] == [0, 1] and over_seeds["tokens"] == read["tokens"]
         assert sum(share["value"] for share in over_seeds["first"].values()) == pytest.approx(1.0)
+    assert read["out_projection_change"] == {"seeds": [0, 1], "by_layer": [[0.0], [0.0]]}
     lines = (folder / "attention.csv").read_text().splitlines()
     assert len(lines) == 1 + 2 * 2 * 3  # stages, seeds, sub-tasks of phi_zone
 

@@ -14,10 +14,11 @@ import pytest
 import t2tl_jax
 import tests.fake_learner  # noqa: F401
 from experiments import reproduce, tuning
-from experiments.reproduction import items, locks, representations, sections, stored, tables, work
+from experiments.reproduction import claims, items, locks, measures, representations, stored, work
 from experiments.reproduction.page import SMOKE, page
 from experiments.reproduction.plan import Item, Run, Scale, cost
 from experiments.reproduction.runs import AGENTS, MAPS, all_runs
+from experiments.reproduction.sections import unit_time
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.interrupts import NeverStop
@@ -356,8 +357,8 @@ def test_figures_of_a_stored_run(water):
     columns = run.columns
     one = columns["seed"] == run.seeds[3]
     rewards = columns["episodes"][one] * np.nan_to_num(columns["success_rate"][one] - columns["violation_rate"][one])
-    assert sections.reward_sum(run)[run.seeds[3]] == pytest.approx(rewards.sum())
-    curve, since = columns["success_rate"][one], sections.frames_to(run)[run.seeds[3]]
+    assert unit_time.reward_sum(run)[run.seeds[3]] == pytest.approx(rewards.sum())
+    curve, since = columns["success_rate"][one], measures.frames_to(run)[run.seeds[3]]
     dips = np.flatnonzero(np.nan_to_num(curve) <= 0.95)
     last = len(curve) - 1 - dips[-1]  # iterations above 95 % up to the end
     assert np.isfinite(since) == (last >= window(run.config))
@@ -366,10 +367,11 @@ def test_figures_of_a_stored_run(water):
 def test_runs_with_the_same_maps_are_compared_in_pairs_and_corrected_for_all_that_are_planned(water):
     values = {name: water[name].end("success_rate") for name in ("water-rm", "water-dfa")}
     pair = ("water-rm", "water-dfa")
-    alone = tables.differences(water, [pair], values, "success", claimed=True)
-    assert "paired" in alone and alone.count("\n") == 2
-    three = tables.differences(water, [pair, ("water-t1tl", "water-rm"), ("x", "y")], values, "success", claimed=True)
-    assert three.count("\n") == 2  # the others are not measured, and count all the same
+    alone = claims.differences(water, [pair], values, "success", [pair])
+    assert "paired" in alone and alone.count("\n|") == 2 and alone.endswith("Corrected for 1 comparison.")
+    three = claims.differences(water, [pair, ("water-t1tl", "water-rm"), ("x", "y")], values, "success", [pair])
+    assert three.count("\n|") == 2  # the others are not measured, and count all the same
+    assert three.endswith("Corrected for 3 comparisons, 1 of which can be made so far.")
 
     def width(text):
         low, high = text.split("[")[1].split("]")[0].split(", ")

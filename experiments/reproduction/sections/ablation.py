@@ -1,0 +1,131 @@
+"""Runs that differ in one thing, side by side: how fast they learn, where they end, and what that took."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+
+from experiments.reproduction.cells import COST, cost, median_frames, share, solved, text
+from experiments.reproduction.claims import differences
+from experiments.reproduction.measures import delayed, frames_before, frames_to
+from experiments.reproduction.page import table
+from experiments.reproduction.stored import Stored
+from t2tl_jax.evaluation.comparisons import Pairs
+
+Unit = Literal["success_rate", "discounted_return"]
+
+WORDS = {"success_rate": "success", "discounted_return": "return"}
+
+CODES_NOTE = """Movement of codes: how far the open rows' codes are from where the target network has them, over their
+own size. Target lag: by how much the target network's values differ from the online ones. Both are means over steps."""
+
+PRETRAINING_NOTE = """With pre-training on the axis, its frames count like those of the world though they are of a world
+of one state: nothing succeeds in them, and as many frames are cut off at the end."""
+
+
+def ablation(
+    pairs: Pairs, unit: Unit, claims: Pairs = (), codes: bool = False, pretraining: bool = False
+) -> Callable[[Mapping[str, Stored]], str]:
+    """A section of runs side by side, and of pairs of them by the mean of `unit` over training.
+
+    Args:
+        pairs: names of two runs each, all that are planned.
+        unit: what is compared: the area under its curve.
+        claims: those of the pairs of which the paper says that the first run is better.
+        codes: whether to show what says why an encoder that learns may stay behind.
+        pretraining: whether to compare again with the frames of pre-training on the axis.
+    """
+
+    def section(runs: Mapping[str, Stored]) -> str:
+        if not runs:
+            return ""
+        areas = {name: run.area(unit) for name, run in runs.items()}
+        columns = [_learning(runs, areas, unit)]
+        if pretraining:
+            columns.append(_with_pretraining(runs))
+        if codes:
+            columns.append(_codes(runs))
+        columns.append((COST, [cost(run) for run in runs.values()]))
+        heading = ("run", *(title for titles, _ in columns for title in titles))
+        rows = [(name, *(cell for _, cells in columns for cell in cells[index])) for index, name in enumerate(runs)]
+        what = f"mean {WORDS[unit]} over training"
+        parts = [table(heading, rows), differences(runs, pairs, areas, what, claims)]
+        if codes:
+            parts.append(CODES_NOTE)
+        if pretraining:
+            late = {name: delayed(run, unit) for name, run in runs.items()}
+            parts += [differences(runs, pairs, late, f"{what}, pre-training on the axis", claims), PRETRAINING_NOTE]
+        return "\n\n".join(part for part in parts if part)
+
+    return section
+
+
+Columns = tuple[tuple[str, ...], Sequence[tuple[str, ...]]]
+"""Titles, and the cells of each run."""
+
+
+def _learning(runs: Mapping[str, Stored], areas: Mapping[str, Mapping[int, float]], unit: Unit) -> Columns:
+    show = share if unit == "success_rate" else text
+    titles = (
+        "solved",
+        f"mean {WORDS[unit]} over training",
+        f"{WORDS[unit]} at the end",
+        "violations at the end",
+        "seeds that stay over 95 %",
+        "frames to 95 %, median",
+    )
+    cells = []
+    for name, run in runs.items():
+        reached = list(frames_to(run).values())
+        cells.append(
+            (
+                solved(run),
+                show(areas[name]),
+                show(run.end(unit)),
+                share(run.end("violation_rate")),
+                f"{sum(np.isfinite(reached))}/{len(reached)}",
+                median_frames(reached),
+            )
+        )
+    return titles, cells
+
+
+def _codes(runs: Mapping[str, Stored]) -> Columns:
+    """How much the codes move under the learner, how old its targets are, and how fast the encoder learns."""
+    titles = ("encoder's learning rate", "movement of codes, training", "at the end", "target lag at the end")
+
+    def mean(run: Stored, name: str, ending: bool) -> str:
+        if name not in run.metrics:
+            return "-"
+        return text(run.end(name) if ending else run.area(name))
+
+    return titles, [
+        (
+            encoder_rate(run),
+            mean(run, "code_change_relative", False),
+            mean(run, "code_change_relative", True),
+            mean(run, "target_lag", True),
+        )
+        for run in runs.values()
+    ]
+
+
+def encoder_rate(run: Stored) -> str:
+    """The learning rate of a run's task encoder at the start, or why it has none."""
+    learner = run.config.learner
+    encoder = learner.task_encoder
+    if encoder is None or not encoder.learned:
+        return "nothing to learn"
+    if learner.network.freeze_task_encoder:  # type: ignore[attr-defined]  # both learners of the paper have it
+        return "frozen"
+    own, rest = learner.task_encoder_learning_rate, learner.learning_rate  # type: ignore[attr-defined]
+    return f"{rest:g}, as the rest" if own is None or own == rest else f"{own:g}, the rest {rest:g}"
+
+
+def _with_pretraining(runs: Mapping[str, Stored]) -> Columns:
+    cells = []
+    for run in runs.values():
+        before = frames_before(run)
+        reached = [] if before is None else [before + frames for frames in frames_to(run).values()]
+        cells.append((median_frames(reached),))
+    return ("the same with those of pre-training",), cells

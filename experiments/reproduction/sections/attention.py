@@ -1,0 +1,161 @@
+"""The attention figure over seeds: what each token receives, what the policy needs, and whether these are one."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from experiments.paper import published_attention
+from experiments.reproduction.cells import cost_line, text
+from experiments.reproduction.claims import Share, majorities
+from experiments.reproduction.page import table
+from experiments.reproduction.stored import Stored
+from experiments.reproduction.work import READING
+from t2tl_jax.evaluation.statistics import Estimate
+from t2tl_jax.runs.folder import read_json
+
+RUNS = ("prime-fresh", "prime-own")
+
+STAGES = ("start", "end")
+
+GOAL = "Black"
+"""What has to be entered first."""
+
+NOTE = """Token* is the token that receives most attention, the needed token the one without which the policy moves
+most. The paper shows one agent, so each of its claims is asked of every seed here, and is reproduced where it holds for
+more than half of the seeds (of the episodes, for what is entered first). By chance token* would be a given one of nine
+tokens in one seed of nine. At the start the published conjunction leads by less than what reading the picture errs."""
+
+
+def attention(runs: Mapping[str, Stored]) -> str:
+    """Token* and the needed token, attention by token beside the published, claims, and how far projections moved."""
+    read = {name: read_json(run.path / READING) for name, run in runs.items()}
+    stages = {
+        (name, stage): found["over_seeds"][stage]
+        for name, found in read.items()
+        for stage in STAGES
+        if stage in found["over_seeds"]
+    }
+    parts = (
+        _table(stages),
+        _by_token(stages),
+        majorities(claims(stages)),
+        _projections(read),
+        NOTE if stages else "",
+        cost_line(runs),
+    )
+    return "\n\n".join(part for part in parts if part)
+
+
+Stages = Mapping[tuple[str, str], Mapping[str, Any]]
+"""What was read, by run and stage."""
+
+
+def claims(stages: Stages) -> dict[str, Share | None]:
+    """What the paper says of its agent, as shares of the seeds of both runs; None where it was not read."""
+    found: dict[str, Share | None] = {}
+    for name in RUNS:
+        start, end = (stages.get((name, stage)) for stage in STAGES)
+        found[f"{name}: token* is the conjunction at the start"] = _counted_share(start, "token_star", "and")
+        found[f"{name}: token* is {GOAL} at the end"] = _counted_share(end, "token_star", GOAL)
+        found[f"{name}: token* is the needed token at the end"] = _share(end and end["agreement"])
+        found[f"{name}: {GOAL} is entered first at the end"] = _share(end and end["first"].get(GOAL))
+    return found
+
+
+def _share(estimate: Mapping[str, Any] | None) -> Share | None:
+    known = estimate is not None and estimate["value"] is not None
+    return (estimate["value"], estimate["count"]) if known and estimate is not None else None
+
+
+def _counted_share(found: Mapping[str, Any] | None, which: str, token: str) -> Share | None:
+    """Of the seeds that have such a token, the share in which it says this."""
+    counts = {} if found is None else found[which]
+    total = sum(counts.values())
+    return (sum(count for name, count in counts.items() if _word(name) == token) / total, total) if total else None
+
+
+def _table(stages: Stages) -> str:
+    rows: list[tuple[str, ...]] = [
+        (
+            f"{name}, {stage}",
+            _counted(found["token_star"]),
+            _counted(found["needed_token"]),
+            Estimate(**found["agreement"]).text(2),
+            Estimate(**found["agreement_over_rows"]).text(2),
+            Estimate(**found["rank_correlation"]).text(2),
+            Estimate(**found["first"][GOAL]).text(2) if GOAL in found["first"] else "-",
+        )
+        for (name, stage), found in stages.items()
+    ]
+    heading = (
+        "run",
+        "token*, seeds",
+        "needed token, seeds",
+        "agree, whole task",
+        "agree, all sub-tasks",
+        "rank correlation",
+        f"episodes that enter {GOAL} first",
+    )
+    if not rows:
+        return ""
+    lead = max(published_attention.START), max(published_attention.END)
+    stars = (
+        published_attention.TOKENS[published_attention.START.index(lead[0])],
+        published_attention.TOKENS[published_attention.END.index(lead[1])],
+    )
+    blank = ("-",) * (len(heading) - 2)
+    rows += [
+        (f"published, {stage}", f"{star} ({most:.2f})", *blank)
+        for stage, star, most in zip(STAGES, stars, lead, strict=True)
+    ]
+    return table(heading, rows)
+
+
+def _by_token(stages: Stages) -> str:
+    """What each token of the whole formula receives, summed over heads, beside the published."""
+    shown = {
+        key: found["attention_received"]
+        for key, found in stages.items()
+        if found["attention_received"] and tuple(found["tokens"]) == published_attention.TOKENS
+    }
+    if not shown:
+        return ""
+    published = (published_attention.START, published_attention.END)
+    rows = [
+        (
+            f"{position}: {token}",
+            *(Estimate(**of[position]).text(2) for of in shown.values()),
+            *(f"{values[position]:.2f}" for values in published),
+        )
+        for position, token in enumerate(published_attention.TOKENS)
+    ]
+    heading = [
+        "attention received",
+        *(f"{name}, {stage}" for name, stage in shown),
+        *(f"published, {stage}" for stage in STAGES),
+    ]
+    return table(heading, rows)
+
+
+def _projections(read: Mapping[str, Mapping[str, Any]]) -> str:
+    """How far the out-projections of each layer moved in training, over their size at the start."""
+    moved = {name: found["out_projection_change"]["by_layer"] for name, found in read.items() if _has_change(found)}
+    layers = max((len(of) for by_seed in moved.values() for of in by_seed), default=0)
+    rows = [(name, *(text(layer) for layer in _by_layer(by_seed, layers))) for name, by_seed in moved.items()]
+    return table(("change of the out-projections", *(f"layer {layer}" for layer in range(layers))), rows)
+
+
+def _has_change(found: Mapping[str, Any]) -> bool:
+    return bool(found.get("out_projection_change", {}).get("by_layer"))
+
+
+def _by_layer(by_seed: Sequence[Sequence[float]], layers: int) -> list[list[float]]:
+    return [[of[layer] for of in by_seed if layer < len(of)] for layer in range(layers)]
+
+
+def _counted(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{_word(token)} {count}" for token, count in counts.items()) or "-"
+
+
+def _word(token: str) -> str:
+    """The token without its position in the formula."""
+    return token.partition(": ")[2]

@@ -1,0 +1,92 @@
+"""The learning curves of the six methods in ZoneEnv and WaterWorld, and those of the published program."""
+
+from collections.abc import Mapping
+
+from experiments.paper import published_water
+from experiments.paper.published_curves import ZONE_CURVES
+from experiments.reproduction import runs as named
+from experiments.reproduction.claims import differences
+from experiments.reproduction.stored import Stored
+from experiments.reproduction.tables import curves_by_episode, curves_by_frames, mean_return_at, methods
+
+ZONE_MARKS = tuple(1e6 * x for x in (0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9, 10))
+
+ZONE_LABELS = {f"zone-{method}": method for method in named.ZONE_METHODS}
+WATER_LABELS = {f"water-{method}": method for method in named.WATER_METHODS}
+
+ZONE_PUBLISHED = {
+    f"zone-{method}": ZONE_CURVES[f"{name} (published)"]
+    for method, name in (
+        ("t2tl", "T2TL_pre"),
+        ("t1tl", "T1TL_pre"),
+        ("gnn", "GNN_pre"),
+        ("dfa_number", "DFA"),
+        ("dfa_cont", "DFA_cont"),
+    )
+}
+"""The paper's curve "DFA" is that of the automaton's state as one number."""
+
+ZONE_CLAIMS = [
+    (f"zone-{better}", f"zone-{worse}")
+    for better, others in (
+        ("t2tl", ("t1tl", "gnn", "dfa_number", "dfa_cont")),
+        ("t1tl", ("gnn", "dfa_number", "dfa_cont")),
+        ("gnn", ("dfa_number", "dfa_cont")),
+    )
+    for worse in others
+]
+"""T2TL above T1TL above GNN above both DFAs, every two of them; between the two DFAs the curves cross."""
+
+WATER_CLAIMS = [
+    *(
+        (f"water-{reader}", f"water-{state}")
+        for reader in ("t2tl", "t1tl", "gnn")
+        for state in ("rm", "dfa", "dfa_cont")
+    ),
+    ("water-t2tl", "water-gnn"),
+    ("water-t1tl", "water-gnn"),
+    ("water-rm", "water-dfa"),
+    ("water-rm", "water-dfa_cont"),
+]
+"""Who reads the formula above who does not, Transformers above the graph network, and, as the text says, who learns all
+sub-tasks at once above who does not."""
+
+
+def zone_figure(runs: Mapping[str, Stored]) -> str:
+    """Final figures, curves by frames, and the order of the published curves at their end and over all of training."""
+    ends = {name: run.end("discounted_return") for name, run in runs.items()}
+    means = {name: run.area("discounted_return") for name, run in runs.items()}
+    return _joined(
+        methods(runs, ZONE_LABELS, {name: curve[1][-1] for name, curve in ZONE_PUBLISHED.items()}),
+        curves_by_frames(runs, ZONE_LABELS, ZONE_MARKS, ZONE_PUBLISHED),
+        differences(runs, ZONE_CLAIMS, ends, "return at the end", ZONE_CLAIMS),
+        differences(runs, ZONE_CLAIMS, means, "mean return over training", ZONE_CLAIMS),
+    )
+
+
+def water_figure(runs: Mapping[str, Stored]) -> str:
+    """Final figures, curves by episode, and their order by the mean return at the published episodes."""
+    marks = published_water.EPISODES
+    means = {name: mean_return_at(run, marks) for name, run in runs.items()}
+    return _joined(
+        methods(runs, WATER_LABELS),
+        curves_by_episode(runs, WATER_LABELS, marks, published_water.PHI_WATER),
+        differences(runs, WATER_CLAIMS, means, "mean return at these episodes", WATER_CLAIMS),
+        "The published RM is the curve of a code of 6 numbers; rm's has 16 here (`--only fig-dimensions` has both)."
+        if "water-rm" in runs
+        else "",
+    )
+
+
+def published_program(runs: Mapping[str, Stored]) -> str:
+    """The published program beside the curve that it is said to have made."""
+    labels = {"zone-published": "t2tl as published"}
+    published = {"zone-published": ZONE_CURVES["T2TL_pre (published)"]}
+    return _joined(
+        methods(runs, labels, {name: curve[1][-1] for name, curve in published.items()}),
+        curves_by_frames(runs, labels, ZONE_MARKS, published),
+    )
+
+
+def _joined(*parts: str) -> str:
+    return "\n\n".join(part for part in parts if part)

@@ -1,0 +1,298 @@
+"""The sections of the results, from runs that nobody trained: figures by hand, outcomes, and what is missing."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments.paper import published_attention, published_water, published_widths, step_tables
+from experiments.reproduction import claims, measures, representations
+from experiments.reproduction.items import ITEMS
+from experiments.reproduction.runs import all_runs
+from experiments.reproduction.sections import ablation, attention, benchmark, figures, safe, steps, unit_time, widths
+from experiments.reproduction.work import READING
+from tests.made_up_runs import pretrained, reading, write
+
+SEEDS = (0, 1, 2, 3)
+NEAR = np.array([0.0, 0.001, 0.002, 0.003])
+
+
+@pytest.fixture(scope="module")
+def configs():
+    return {name: run.config for name, run in all_runs().items()}
+
+
+@pytest.fixture
+def make(configs, tmp_path):
+    """Writes the run of a name, as it would be configured."""
+    return lambda name, **written: write(tmp_path / name, configs[name], **written)
+
+
+@pytest.fixture(autouse=True)
+def unpaired(monkeypatch):
+    """Environments need not be built to see whether seeds share maps: `test_claims.py` does that."""
+    monkeypatch.setattr(claims, "worlds", lambda config, seeds: None)
+
+
+def rows(text):
+    """The cells of every row of every table, by its first one; of two alike the later one."""
+    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    return {line[0]: line[1:] for line in lines}
+
+
+def outcome(text, claim):
+    return rows(text)[claim][-1]
+
+
+def played(success, length):
+    return {"success_rate": success, "success_length": length, "violation_rate": 0.0, "discounted_return": 0.5}
+
+
+def test_steps_of_who_fails_count_as_the_limit(make):
+    """gnn is faster where it succeeds, and hardly ever succeeds."""
+    runs = {
+        "steps-4-1-t1tl": make("steps-4-1-t1tl", evaluated={1000: played(1.0, [200.0, 201.0, 202.0, 203.0])}),
+        "steps-4-1-gnn": make(
+            "steps-4-1-gnn", evaluated={1000: played([0.1, 0.1, 0.1, 0.0], [100.0, 110.0, 120.0, None])}
+        ),
+    }
+    assert steps.completion(runs["steps-4-1-gnn"], 1000) == {0: 910.0, 1: 911.0, 2: 912.0, 3: 1000.0}
+    text = steps.steps(runs)
+    assert outcome(text, "steps-4-1-t1tl < steps-4-1-gnn") == "reproduced"
+    assert "Corrected for 9 comparisons, 1 of which can be made so far." in text
+    assert "Obstacles" not in text and "10,000 frames a seed" in text
+    cells = rows(text)["4 goals, 1 obstacles, 1x"]
+    assert cells[0] == "gnn" and cells[1:4] == ["-"] * 3  # not evaluated within 600
+    assert cells[5].startswith("110.0 [") and cells[-1] == "191.7 ± 3.2"
+    assert steps.steps({}) == ""
+
+
+def test_every_world_of_a_table_of_steps_has_the_published_order():
+    planned = steps.claims(step_tables.BY_SIZE, True)
+    assert len(planned) == 9 and ("steps-5-2-size-2.5-gnn", "steps-5-2-size-2.5-rm") in planned
+    for cell in (*step_tables.BY_GOALS, *step_tables.BY_OBSTACLES, *step_tables.BY_SIZE):
+        for fewer, more in steps.ORDER:
+            assert cell.published[fewer] < cell.published[more]
+
+
+def test_reward_per_minute_counts_pretraining_and_needs_it(make):
+    runs = {
+        name: make(name, success_rate=rate)
+        for name, rate in (("water-rm", 0.5 + NEAR), ("water-dfa", 0.2 + NEAR), ("water-t1tl", 1 - NEAR))
+    }
+    runs |= {f"{name}-alone": make(f"{name}-alone", seeds=(0,)) for name in list(runs)}
+    assert unit_time.reward_sum(runs["water-rm"])[0] == pytest.approx(50.0)  # 10 iterations of 10 episodes
+    text = unit_time.unit_time(runs)
+    assert "water-t1tl" not in rows(text)  # without the time of its pre-training
+    assert rows(text)["water-rm"][1:4] == ["10,000", "60 s", "30 s"]
+    assert outcome(text, "water-rm > water-dfa") == "reproduced"
+    assert "Corrected for 10 comparisons, 1 of which can be made so far." in text
+    before = "water-pretraining-transformer-alone"
+    runs[before] = make(before, seeds=(0,), status={"all_sessions": {"training_seconds": 540.0, "compile_seconds": 0}})
+    text = unit_time.unit_time(runs)
+    assert rows(text)["water-t1tl"][2] == "600 s"
+    assert outcome(text, "water-t1tl > water-rm") == "not reproduced"
+    assert unit_time.unit_time({}) == ""
+
+
+def test_printed_rewards_per_unit_time_stand_in_their_order():
+    for world, values in unit_time.PUBLISHED.items():
+        means = [mean for mean, _ in values.values()]
+        assert means == sorted(means, reverse=True) and len(unit_time.claims(world)) == 10
+
+
+def test_widths_are_two_comparisons_beside_the_published_values(make):
+    episodes = {"iterations": 100, "episodes": 100.0}
+    runs = {
+        "water-t1tl": make("water-t1tl", success_rate=0.9 + NEAR, **episodes),
+        "water-rm-32": make("water-rm-32", success_rate=0.5 + NEAR, **episodes),
+        "zone-t1tl-fresh-16": make("zone-t1tl-fresh-16", discounted_return=0.5 + NEAR),
+        "zone-dfa": make("zone-dfa", discounted_return=0.6 + NEAR),
+    }
+    text = widths.dimensions(runs)
+    assert outcome(text, "water-t1tl > water-rm-32") == "reproduced"
+    assert outcome(text, "zone-t1tl-fresh-16 > zone-dfa") == "not reproduced"
+    assert rows(text)["T1TL_pre 32"][2] == "-0.14"  # the mean of the eight published values
+    assert text.count("Corrected for 5 comparisons, 1 of which") == 2
+    only = widths.dimensions({"zone-dfa": runs["zone-dfa"]})
+    assert "WaterWorld: " not in only and "DFA 16, published" in only and "claim |" not in only
+    assert widths.dimensions({}) == ""
+
+
+def test_claims_of_widths_are_orders_of_the_published_curves():
+    for claimed, curves, values in (
+        (widths.WATER_CLAIMS, widths.WATER, lambda curve: np.mean(published_widths.WATER[curve])),
+        (widths.ZONE_CLAIMS, widths.ZONE, lambda curve: published_widths.ZONE[curve][-1]),
+    ):
+        for better, worse in claimed:
+            assert values(curves[better]) > values(curves[worse]), (better, worse)
+
+
+def test_claims_of_the_figures_are_orders_of_the_published_curves():
+    for better, worse in figures.ZONE_CLAIMS:
+        first, second = (figures.ZONE_PUBLISHED[name][1] for name in (better, worse))
+        assert first[-1] > second[-1] and np.mean(first) > np.mean(second)
+    names = {"t2tl": "T2TL_pre", "t1tl": "T1TL_pre", "gnn": "GNN_pre", "rm": "RM", "dfa": "DFA", "dfa_cont": "DFA_cont"}
+    for better, worse in figures.WATER_CLAIMS:
+        first, second = (published_water.PHI_WATER[names[name.removeprefix("water-")]] for name in (better, worse))
+        assert np.mean(first) > np.mean(second), (better, worse)
+
+
+def test_the_zone_figure_is_judged_at_the_end_and_over_training(make):
+    late = np.concatenate([np.zeros((4, 9)), 0.8 + NEAR[:, None]], axis=1)
+    runs = {
+        "zone-t2tl": make("zone-t2tl", discounted_return=late, status=pretrained(2000)),
+        "zone-gnn": make("zone-gnn", discounted_return=0.5 + NEAR),
+    }
+    text = figures.zone_figure(runs)
+    verdicts = [line.split(" | ")[-1] for line in text.splitlines() if line.startswith("| zone-t2tl > zone-gnn")]
+    assert verdicts == ["reproduced |", "not reproduced |"]
+    assert text.count("Corrected for 9 comparisons, 1 of which") == 2
+
+
+def test_simultaneous_learning_is_claimed_and_its_pieces_are_not(make):
+    runs = {
+        "water-rm": make("water-rm", success_rate=0.9 + NEAR),
+        "water-dfa": make("water-dfa", success_rate=0.5 + NEAR),
+        "water-rm-every-step": make("water-rm-every-step", success_rate=0.5 + NEAR),
+    }
+    text = ITEMS["simultaneous-one-hot"].section(runs)
+    assert outcome(text, "water-rm > water-dfa") == "reproduced"
+    assert outcome(text, "water-rm - water-rm-every-step") == "not claimed"
+    assert "Corrected for 4 comparisons, 2 of which can be made so far." in text
+
+
+def test_frames_of_pretraining_go_before_those_of_training(make):
+    curve = np.tile([0.0] * 4 + [1.0] * 6, (4, 1))
+    runs = {
+        "water-t1tl-pre-own": make(
+            "water-t1tl-pre-own", success_rate=curve, frames=100_000, status=pretrained(250_000)
+        ),
+        "water-t1tl-pre-none": make("water-t1tl-pre-none", success_rate=curve, frames=100_000),
+    }
+    own, none = runs.values()
+    assert measures.frames_to(own) == dict.fromkeys(SEEDS, 500_000)
+    assert measures.delayed(own, "success_rate") == dict.fromkeys(SEEDS, 0.3)  # three iterations less of 6 in 10
+    assert measures.delayed(none, "success_rate") == dict.fromkeys(SEEDS, 0.6)
+    long = make("water-gnn-pre-own", success_rate=curve, frames=100_000, status=pretrained(5_000_000))
+    assert measures.delayed(long, "success_rate") == dict.fromkeys(SEEDS, 0.0)
+    unknown = make("water-gnn-pre-random", success_rate=curve)
+    assert measures.delayed(unknown, "success_rate") == {}
+    text = ITEMS["pretraining-water"].section(runs)
+    shown = rows(text)["water-t1tl-pre-own"]
+    assert shown[5] == "0.50 M" and shown[6] == "0.75 M" and "1,000,000 + 250,000" in shown
+    compared = [line for line in text.splitlines() if line.startswith("| water-t1tl-pre-own > water-t1tl-pre-none")]
+    assert ["| 0.000 |" in compared[0], "| -0.300 |" in compared[1]] == [True, True]
+
+
+def test_why_an_encoder_stays_behind_is_shown(make):
+    moving = {"code_change_relative": 0.2 + NEAR, "target_lag": 0.1 + NEAR}
+    runs = {
+        "water-t1tl": make("water-t1tl", target_lag=0.1 + NEAR),
+        "water-paper-t1tl": make("water-paper-t1tl", **moving),
+        "water-paper-t1tl-slow": make("water-paper-t1tl-slow", **moving),
+        "water-rm": make("water-rm"),
+    }
+    rates = {name: ablation.encoder_rate(run) for name, run in runs.items()}
+    assert rates == {
+        "water-t1tl": "frozen",
+        "water-paper-t1tl": "0.0001, as the rest",
+        "water-paper-t1tl-slow": "1e-05, the rest 0.0001",
+        "water-rm": "nothing to learn",
+    }
+    del runs["water-rm"]
+    shown = rows(ITEMS["water-form"].section(runs))
+    assert shown["water-t1tl"][6:9] == ["frozen", "-", "-"] and shown["water-t1tl"][9].startswith("0.10")
+    assert [cell[:5] for cell in shown["water-paper-t1tl-slow"][7:10]] == ["0.202", "0.202", "0.102"]
+    assert "water-paper-t1tl-slow - water-paper-t1tl" in shown
+
+
+def test_violations_are_counted_by_episode(make):
+    episodes = np.tile([30.0, 10.0], (4, 1))
+    rates = np.tile([0.4, 0.0], (4, 1))
+    runs = {
+        "safe-t1tl": make(
+            "safe-t1tl", iterations=2, episodes=episodes, violation_rate=rates, evaluated={1000: played(1.0, 9.0)}
+        ),
+        "safe-dfa": make("safe-dfa", evaluated={1000: played([0.1, 0.2, 0.3, 0.4], 9.0)}),
+    }
+    assert safe.violations(runs["safe-t1tl"]) == pytest.approx(dict.fromkeys(SEEDS, 0.3))
+    text = safe.safe(runs)
+    assert "safe-t1tl - safe-dfa" in text and "Corrected for 6 comparisons, 1 of which" in text
+    assert "outcome" not in text and safe.safe({}) == ""
+    assert "difference" not in safe.safe({"safe-dfa": runs["safe-dfa"]})
+
+
+def test_return_of_recent_episodes(make):
+    returns = np.tile([0.0] * 5 + [0.5] * 5, (4, 1))
+    run = make("rm-single-crm", discounted_return=returns, episodes=50.0)
+    found = benchmark.recent_return(run, (500, 5000, 6000, 10_000, 10_001))
+    np.testing.assert_allclose(found[0], [np.nan, 0.0, 0.25, 0.5, np.nan])  # 100 episodes are two iterations
+
+
+def test_the_benchmark_judges_counterfactual_learning_by_map(make):
+    def ten(name, score):
+        columns = {f"{what}_{k + 1}": 1.0 for k in range(10) for what in ("episodes", "best_score")}
+        columns |= {f"score_{k + 1}": score for k in range(10)}
+        return make(name, seeds=(1, 2, 3, 4), frames=200_000, **columns)
+
+    runs = {"rm-crm": ten("rm-crm", 0.8 + NEAR), "rm-ql": ten("rm-ql", 0.5 + NEAR)}
+    scores = benchmark.scores(runs)["rm-crm"]
+    assert list(scores) == [1, 2, 3, 4] and scores[1] == pytest.approx([0.8] * len(published_water.STEPS))
+    text = benchmark.benchmark(runs)
+    assert outcome(text, "rm-crm > rm-ql") == "reproduced"
+    assert "ql-rs, published" in text and "Corrected for 4 comparisons, 1 of which" in text
+    runs["rm-single-ql"] = make("rm-single-ql")
+    text = benchmark.benchmark(runs)
+    assert rows(text)["ql"] == ["0.378", "0.877", "0.975", "0.986", "0.984"] and "not claimed" not in text
+    assert benchmark.benchmark({}) == ""
+
+
+def test_attention_claims_are_asked_of_every_seed(make):
+    run = make("prime-own", seeds=tuple(range(12)), status=pretrained(7000))
+    star = {"start": {"3: and": 6, "8: White": 6}, "end": {"4: Black": 12}}
+    (run.path / READING).write_text(json.dumps(reading(star, agreement=0.0, black=1.0, seeds=12)))
+    text = attention.attention({"prime-own": run})
+    assert outcome(text, "prime-own: token* is the conjunction at the start") == "undecided"
+    assert outcome(text, "prime-own: token* is Black at the end") == "reproduced"
+    assert outcome(text, "prime-own: token* is the needed token at the end") == "not reproduced"
+    assert outcome(text, "prime-own: Black is entered first at the end") == "reproduced"
+    assert "Corrected for 8 comparisons, 4 of which can be made so far." in text
+    assert rows(text)["4: Black"][-2:] == ["0.96", "1.67"]
+    assert rows(text)["published, end"][0] == "Black (1.67)"
+    assert "| layer 0 | layer 1 |" in text and "Pre-training, apart: 7,000 frames a seed" in text
+    assert attention.attention({}) == ""
+
+
+def test_attention_without_weights_is_removal_alone(make):
+    """A graph network attends to nothing; runs that were read before projections were stored have none."""
+    run = make("prime-fresh")
+    found = reading({"start": {}, "end": {}}, agreement=0.0, black=0.5, seeds=4)
+    for stage in found["over_seeds"].values():
+        stage["attention_received"], stage["agreement"] = None, dict.fromkeys(("value", "low", "high")) | {"count": 0}
+    del found["out_projection_change"]
+    (run.path / READING).write_text(json.dumps(found))
+    text = attention.attention({"prime-fresh": run})
+    assert outcome(text, "prime-fresh: Black is entered first at the end") == "undecided"
+    assert "token* is" not in text.split("Token* is")[0] and "layer 0" not in text
+
+
+def test_published_attention_sums_to_the_heads():
+    for values in (published_attention.START, published_attention.END):
+        assert len(values) == len(published_attention.TOKENS) and sum(values) == pytest.approx(8, abs=0.05)
+
+
+def test_every_section_works_with_any_single_run(make):
+    """As they come in one after the other; most say nothing of a claim yet."""
+    score = {f"{what}_{k + 1}": 0.5 for k in range(10) for what in ("episodes", "score", "best_score")}
+    star = {"start": {"3: and": 2}, "end": {"4: Black": 2}}
+    made = {}
+    for name, item in ITEMS.items():
+        own = [one for one in item.runs if one != representations.NAME]
+        for one in own:
+            if one not in made:
+                columns = score if name == "benchmark" else {}
+                made[one] = make(one, seeds=(1, 2), frames=200_000, iterations=3, **columns)
+                (made[one].path / READING).write_text(json.dumps(reading(star, 0.5, 0.5, 2)))
+            assert isinstance(item.section({one: made[one]}), str)
+        assert not own or item.section({one: made[one] for one in own})
