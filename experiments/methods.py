@@ -47,10 +47,6 @@ METHODS = {
     "rm_6": Method("rm with a code of 6 numbers: the paper's curve", OneHotConfig, False, True, 6),
 }
 
-START_ANYWHERE = 0.5
-"""Share of episodes that `rm` (and `rm_6`) starts in a random state under PPO, which cannot learn from another state's
-steps."""
-
 WINDOW = {PPOConfig: 8, DQNConfig: 12}
 """Published lengths of the context window, where the configuration has none."""
 
@@ -58,9 +54,10 @@ WINDOW = {PPOConfig: 8, DQNConfig: 12}
 def apply(config: Config, name: str) -> Config:
     """The configuration with the switches of a method.
 
-    Simultaneous learning needs a learner that can relabel steps. Under PPO, for which the authors' code has none
-    either, only `rm` and `rm_6` have its on-policy form: episodes that start in a random state. One-hot codes have
-    nothing to pre-train, and in pre-training there is no context.
+    Simultaneous learning needs a learner that can relabel steps. PPO cannot (nor does the authors'), so that under it
+    `rm` is `dfa` by another name; its on-policy form, episodes that start in a random state, is a field of the
+    configuration (`random_starts`) and the same for all methods. One-hot codes have nothing to pre-train, and in
+    pre-training there is no context.
 
     Raises:
         UserError: for a learner that is not one of the paper's.
@@ -84,12 +81,7 @@ def apply(config: Config, name: str) -> Config:
     if isinstance(learner, DQNConfig):
         learner = replace(learner, counterfactual=method.counterfactual)
         return replace(config, pretrained=pretrained, learner=learner)
-    config = replace(config, pretrained=pretrained, learner=learner)
-    return replace(config, random_starts=START_ANYWHERE if _starts_anywhere(method) else 0.0)
-
-
-def _starts_anywhere(method: Method) -> bool:
-    return method.task_encoder is OneHotConfig and method.counterfactual
+    return replace(config, pretrained=pretrained, learner=learner)
 
 
 def _encoder(method: Method, network: NetworkConfig | QNetworkConfig) -> TaskEncoderConfig:

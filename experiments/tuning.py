@@ -28,6 +28,7 @@ TUNED = {
     "zone_ppo_closed_form": _ZONE,
     "zone_ppo_long": _ZONE_LONG,
     "zone_ppo_random": _ZONE_LONG,
+    "zone_ppo_safe": Tuning("t1tl", _SEEDS),
     "waterworld_dqn": Tuning("rm; codes: t1tl", _SEEDS),
     "rm_water_ql": Tuning("ql", (5, 6, 7, 8)),  # there are maps 1 to 10 alone
 }

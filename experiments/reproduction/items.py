@@ -37,8 +37,8 @@ _READERS = ("transformer", "gnn")
 
 _PAPER_FORM = _names("water-paper-{}", ("t1tl", "t2tl", "gnn", "t1tl-slow"))
 
-_T1TL_PIECES = _names("water-t1tl-{}", ("own-row", "printed-argmax", "random-starts", "every-step"))
-_ONE_HOT_PIECES = ("water-dfa", *_names("water-rm-{}", ("printed-argmax", "random-starts", "every-step")))
+_T1TL_PIECES = _names("water-t1tl-{}", ("own-row", "printed-argmax", "random-starts", "per-16", "every-step"))
+_ONE_HOT_PIECES = ("water-dfa", *_names("water-rm-{}", ("printed-argmax", "random-starts", "per-16", "every-step")))
 """What is taken away or changed; without simultaneous learning the one-hot code is dfa."""
 
 ITEMS: dict[str, Item] = {

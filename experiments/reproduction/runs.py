@@ -19,10 +19,18 @@ from t2tl_jax.runs.config import Config
 ZONE_FRAMES = 10_000_000
 """The paper's budget on `phi_zone`."""
 
-ZONE_METHODS = ("t2tl", "t1tl", "gnn", "rm", "dfa", "dfa_number", "dfa_cont")
+ZONE_METHODS = ("t2tl", "t1tl", "gnn", "dfa", "dfa_number", "dfa_cont")
+"""Under PPO rm is dfa: there is no other state to learn from."""
+
 WATER_METHODS = ("t2tl", "t1tl", "gnn", "rm", "dfa", "dfa_cont")
 STEP_METHODS = ("t1tl", "gnn", "rm")
 WIDTHS = (8, 16, 32)
+
+PER_16 = {"num_envs": 16, "unroll_length": 500, "batch_size": 512, "target_period": 100, "learning_rate": 1e-4}
+"""One gradient step after every 16 steps of the environment, where the default makes one after 128."""
+
+EVERY_STEP = PER_16 | {"updates_per_step": 16, "batch_size": 32, "target_period": 1600}
+"""One gradient step after every step, as published: as many samples as of `PER_16`, and targets as old in steps."""
 
 ZONE_SEED = 24
 """Where the seeds of the runs in ZoneEnv begin: some of its settings were chosen on seeds 0 to 11, see
@@ -53,11 +61,15 @@ def all_runs() -> dict[str, Run]:
 
 
 def _zone_base() -> Config:
-    """`zone_ppo` with the paper's budget. Exploration fades over the same frames as in the shorter default."""
+    """`zone_ppo` with the paper's budget.
+
+    Exploration fades over the same frames as in the shorter default. The learning rate falls to 0: at a constant one,
+    agents that have long solved a task and get hardly any gradient are lost again now and then.
+    """
     base = named_config("zone_ppo")
     learner: Any = base.learner
     decay = learner.noise_decay * base.frames / ZONE_FRAMES
-    return replace(base, frames=ZONE_FRAMES, learner=replace(learner, noise_decay=decay))
+    return replace(base, frames=ZONE_FRAMES, learner=replace(learner, noise_decay=decay, anneal_learning_rate=True))
 
 
 def _zone(runs: dict[str, Run]) -> dict[str, Run]:
@@ -123,7 +135,7 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
         config = apply(paper, method)
         new[f"water-paper-{method}"] = Run(config, _pretraining(runs, "water", config, "own", new))
     slow = replace(
-        apply(paper, "t1tl"), learner=_changed(apply(paper, "t1tl").learner, task_encoder_learning_rate=1e-5)
+        apply(paper, "t1tl"), learner=_changed(apply(paper, "t1tl").learner, task_encoder_learning_rate=4e-5)
     )
     new["water-paper-t1tl-slow"] = Run(slow, "water-pretraining-transformer")
 
@@ -136,7 +148,8 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
         for variant, changed in (
             ("printed-argmax", replace(config, learner=_changed(learner, printed_argmax=True))),
             ("random-starts", replace(config, random_starts=0.5)),
-            ("every-step", replace(config, learner=_changed(learner, updates_per_step=16))),
+            ("per-16", replace(config, learner=_changed(learner, **PER_16))),
+            ("every-step", replace(config, learner=_changed(learner, **EVERY_STEP))),
         ):
             new[f"water-{name}-{variant}"] = Run(changed, before)
 

@@ -211,7 +211,7 @@ def test_no_run_is_on_seeds_that_settings_were_chosen_on(runs):
             assert in_zones == name.startswith(("zone-", "safe-", "prime-")), name
             assert not seeds & (searched if in_zones else set(tuning.TUNED["waterworld_dqn"].seeds)), name
             assert seeds <= set(range(24, 36) if in_zones else range(12)), name
-    for name in ("zone-t2tl", "safe-rm", "water-t1tl", "water-pretraining-gnn"):
+    for name in ("zone-t2tl", "safe-dfa", "water-t1tl", "water-pretraining-gnn"):
         config = Scale("full", "12").apply(runs[name])
         assert not tuning.tuning_seeds(config, parse_seeds(config.seeds)), name
 
@@ -222,9 +222,9 @@ def test_a_run_starts_from_one_of_the_same_seeds(runs):
         for name, run in runs.items():
             if run.before is not None:
                 assert scale.apply(run).seeds == scale.apply(runs[run.before]).seeds, name
-    assert Scale("full", "3").apply(runs["zone-rm"]).seeds == "24,25,26,"
+    assert Scale("full", "3").apply(runs["zone-dfa"]).seeds == "24,25,26,"
     assert Scale("full", "3").apply(runs["water-rm"]).seeds == "3"
-    assert Scale("full", "100,7").apply(runs["zone-rm"]).seeds == "100,7"
+    assert Scale("full", "100,7").apply(runs["zone-dfa"]).seeds == "100,7"
 
 
 def git(repository, *arguments):

@@ -43,8 +43,8 @@ def test_any_values_survive_json(share, frames, task):
     [
         ("zone_ppo", {}, 1),  # iterations
         ("zone_ppo", {"anneal_learning_rate": True}, 4 * 16),  # gradient steps
-        ("waterworld_dqn", {}, 500 * 16),  # steps of all environments
-        ("waterworld_dqn", {"updates_per_step": 20}, 500 * 20),  # gradient steps
+        ("waterworld_dqn", {}, 64 * 128),  # steps of all environments
+        ("waterworld_dqn", {"updates_per_step": 200}, 64 * 200),  # gradient steps
     ],
 )
 def test_the_longest_run_is_as_long_as_32_bits_can_count(name, changes, counted):
