@@ -33,16 +33,6 @@ def runs():
     return all_runs()
 
 
-def test_the_page_is_that_of_the_stored_runs():
-    """Written anew by ``python -m experiments.reproduce --report True``."""
-    assert (ROOT / "docs" / "paper.md").read_text() == page(items.ITEMS, stored.load(reproduce.RESULTS), smoke=False)
-
-
-def test_what_is_stored_was_made_from_clean_commits():
-    for name, run in stored.load(reproduce.RESULTS).items():
-        assert run.versions["git_revision"] and not run.versions["git_modified"], name
-
-
 def test_every_item_names_runs_that_there_are_and_every_run_serves_an_item(runs):
     shown = {name for item in items.ITEMS.values() for name in item.runs}
     assert shown <= set(runs)

@@ -1,0 +1,146 @@
+"""The pictures of the documentation: drawn from stored results, and each PNG says which numbers it shows."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from experiments.paper.published_curves import ZONE_CURVES
+from experiments.paper.published_water import EPISODES, PHI_WATER
+from experiments.reproduction import runs as named
+from experiments.reproduction import stored
+from experiments.reproduction.stored import Stored
+from t2tl_jax.evaluation.curves import Line, plot_lines
+from t2tl_jax.evaluation.scores import return_by_episode
+
+KEYWORD = "Numbers"
+"""Of the text in a PNG that holds the digest of what it shows."""
+
+COLOURS = {method: colour for colour, method in enumerate(named.ZONE_METHODS)}
+"""The same for a method in every picture, and for its published curve."""
+
+PUBLISHED_ZONE = {"T2TL_pre": "t2tl", "T1TL_pre": "t1tl", "GNN_pre": "gnn", "DFA": "dfa_number", "DFA_cont": "dfa_cont"}
+PUBLISHED_WATER = {**PUBLISHED_ZONE, "RM": "rm", "DFA": "dfa"}
+"""Which method's colour a published curve has."""
+
+MARKS = tuple(range(EPISODES[0], EPISODES[-1] + 1, 250))
+"""Episodes at which curves by episode are drawn."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of `docs`."""
+
+    file: str
+    """Its name there."""
+    caption: str
+    lines: tuple[Line, ...]
+    xlabel: str
+    ylabel: str
+
+    def digest(self) -> str:
+        """Of everything that is drawn, the same wherever it is computed: numbers count to six digits."""
+        lines = [(one.label, one.colour, one.dashed, _rounded(one.x), _rounded(one.values)) for one in self.lines]
+        return hashlib.sha256(json.dumps([self.xlabel, self.ylabel, lines]).encode()).hexdigest()
+
+    def draw(self, folder: Path) -> None:
+        """Write it into a folder."""
+        plot_lines(self.lines, folder / self.file, self.xlabel, self.ylabel, {KEYWORD: self.digest()})
+
+    def markdown(self) -> str:
+        """The line that shows it on a page beside it."""
+        return f"![{self.caption}]({self.file})"
+
+
+def drawn(file: Path) -> str | None:
+    """The digest that a PNG was drawn with; None if it says nothing."""
+    with Image.open(file) as image:
+        return image.info.get(KEYWORD)
+
+
+def pictures(results: Path) -> dict[str, Picture]:
+    """By item of the paper, or `short` for the short schedule; those of which something is stored.
+
+    Args:
+        results: the folder with all stored results.
+    """
+    paper, short = stored.load(results / "paper"), stored.load(results / "zone_short_h200")
+    zone, published = by_method(paper, "zone", named.ZONE_METHODS), "Dashed: published, read off a picture."
+    water = by_method(paper, "water", named.WATER_METHODS)
+    found = {
+        "fig-zone": Picture(
+            "phi_zone_curves.png",
+            f"Discounted return during training on phi_zone, 10 million frames. {published}",
+            (*_by_frames(zone), *_published_zone()),
+            *("frames per seed", "discounted return"),
+        ),
+        "fig-water": Picture(
+            "phi_water_curves.png",
+            f"Return of the last 500 training episodes on phi_water. {published}",
+            (*_by_episode(water), *_published_water()),
+            *("episodes per seed", "return of the last 500 episodes"),
+        ),
+        "short": Picture(
+            "zone_short_curves.png",
+            f"Discounted return of the short schedule, beside the published curves. {published}",
+            (*_by_frames({name: short[name] for name in ("t2tl", "t1tl")}), *_published_zone()),
+            *("frames per seed", "discounted return"),
+        ),
+    }
+    return {name: one for name, one in found.items() if any(not line.dashed for line in one.lines)}
+
+
+def by_method(runs: Mapping[str, Stored], world: str, methods: Sequence[str]) -> dict[str, Stored]:
+    """The runs of the six methods in a world, by method, as far as they are stored."""
+    return {method: runs[f"{world}-{method}"] for method in methods if f"{world}-{method}" in runs}
+
+
+def _by_frames(runs: Mapping[str, Stored]) -> list[Line]:
+    return [
+        Line(
+            _label(method, run),
+            np.nanmax(run.metrics["frames"], axis=0),
+            run.metrics["discounted_return"],
+            COLOURS[method],
+        )
+        for method, run in runs.items()
+    ]
+
+
+def _by_episode(runs: Mapping[str, Stored]) -> list[Line]:
+    return [
+        Line(
+            _label(method, run),
+            MARKS,
+            np.stack([return_by_episode(run.columns, seed, MARKS) for seed in run.seeds]),
+            COLOURS[method],
+        )
+        for method, run in runs.items()
+    ]
+
+
+def _label(method: str, run: Stored) -> str:
+    return f"{method} ({len(run.seeds)} seeds)"
+
+
+def _published_zone() -> list[Line]:
+    lines = []
+    for name, method in PUBLISHED_ZONE.items():
+        frames, returns = ZONE_CURVES[f"{name} (published)"]
+        lines.append(Line(f"{name} (published)", frames, np.array([returns]), COLOURS[method], dashed=True))
+    return lines
+
+
+def _published_water() -> list[Line]:
+    return [
+        Line(f"{name} (published)", EPISODES, np.array([curve]), COLOURS[PUBLISHED_WATER[name]], dashed=True)
+        for name, curve in PHI_WATER.items()
+    ]
+
+
+def _rounded(values: Sequence[float] | np.ndarray) -> list[str]:
+    return [f"{value:.6g}" for value in np.ravel(values)]
