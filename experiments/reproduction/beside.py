@@ -18,6 +18,9 @@ from t2tl_jax.registry import named_config
 from t2tl_jax.runs.differences import differences as changes
 from t2tl_jax.runs.folder import read_json
 
+SHORT = "zone_short_h200"
+"""The folder of the short schedule's runs."""
+
 FRESH = ("t2tl", "t1tl")
 """The runs of the short schedule as it is, on seeds that nothing was tuned on."""
 
@@ -53,7 +56,7 @@ class Measurement:
 
 def short_schedule(results: Path) -> str:
     """When success rose for good, and what came of it, by run."""
-    runs = stored.load(results / "zone_short_h200")
+    runs = stored.load(results / SHORT)
     rows = [(f"`{name}`", *_short_row(run)) for name, run in runs.items()]
     heading = (
         *("run", "beside the default", "seeds", "frames at most", "stay over 95 %"),

@@ -10,13 +10,9 @@ from experiments.reproduction.stored import Stored
 
 SMOKE = "**Smoke test: tiny networks and budgets, closed-form physics. These figures mean nothing.**"
 
-HEAD = """# Results
+HEAD = "# The paper, measured again"
 
-Written by `python -m experiments.reproduce --report True` from what is stored in `results/`; do not edit. Every run is
-there with its configuration, metrics, evaluation, versions and the commit that made it, which is one of this history,
-without changes. First come the items of the paper, from `results/paper`, each with the command that measures it, then
-what was measured beside them.
-
+TERMS = """\
 Return: average discounted return of the sampled policy over the last 5 % of training. Solved: seeds whose final
 parameters succeed in over 95 % of the evaluation's sampled episodes. Brackets are 95 % intervals: Student's t over
 seeds for means, Wilson for shares; differences are Welch's, or paired where seed k has the same map in both runs, and
@@ -27,7 +23,11 @@ trainings shared a GPU. Values with "±" are as published, a spread that is not 
 
 
 def page(
-    items: Mapping[str, Item], runs: Mapping[str, Stored], smoke: bool, pictures: Mapping[str, str] | None = None
+    items: Mapping[str, Item],
+    runs: Mapping[str, Stored],
+    smoke: bool,
+    head: str = HEAD,
+    pictures: Mapping[str, str] | None = None,
 ) -> str:
     """All items, those that are not measured with what is missing.
 
@@ -35,9 +35,10 @@ def page(
         items: by the name that ``--only`` takes.
         runs: those that are stored, by name.
         smoke: whether they are of a smoke test, which is then said beside every item.
+        head: what the page begins with.
         pictures: by the name of an item, the line that shows its picture.
     """
-    parts = [HEAD, *([SMOKE] if smoke else [])]
+    parts = [head, *([SMOKE] if smoke else []), TERMS]
     for name, item in items.items():
         missing = [run for run in item.runs if run not in runs]
         there = {run: runs[run] for run in item.runs if run in runs}

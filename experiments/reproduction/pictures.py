@@ -12,7 +12,6 @@ from PIL import Image
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.paper.published_water import EPISODES, PHI_WATER
 from experiments.reproduction import runs as named
-from experiments.reproduction import stored
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.curves import Line, plot_lines
 from t2tl_jax.evaluation.scores import return_by_episode
@@ -47,9 +46,9 @@ class Picture:
         lines = [(one.label, one.colour, one.dashed, _rounded(one.x), _rounded(one.values)) for one in self.lines]
         return hashlib.sha256(json.dumps([self.xlabel, self.ylabel, lines]).encode()).hexdigest()
 
-    def draw(self, folder: Path) -> None:
-        """Write it into a folder."""
-        plot_lines(self.lines, folder / self.file, self.xlabel, self.ylabel, {KEYWORD: self.digest()})
+    def draw(self, target: Path) -> None:
+        """Write the PNG."""
+        plot_lines(self.lines, target, self.xlabel, self.ylabel, {KEYWORD: self.digest()})
 
     def markdown(self) -> str:
         """The line that shows it on a page beside it."""
@@ -62,13 +61,13 @@ def drawn(file: Path) -> str | None:
         return image.info.get(KEYWORD)
 
 
-def pictures(results: Path) -> dict[str, Picture]:
+def pictures(paper: Mapping[str, Stored], short: Mapping[str, Stored]) -> dict[str, Picture]:
     """By item of the paper, or `short` for the short schedule; those of which something is stored.
 
     Args:
-        results: the folder with all stored results.
+        paper: the stored runs of the paper's items, by name.
+        short: those of the short schedule.
     """
-    paper, short = stored.load(results / "paper"), stored.load(results / "zone_short_h200")
     zone, published = by_method(paper, "zone", named.ZONE_METHODS), "Dashed: published, read off a picture."
     water = by_method(paper, "water", named.WATER_METHODS)
     found = {

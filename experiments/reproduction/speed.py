@@ -184,12 +184,13 @@ def short_table(results: Path) -> str:
             "H200",
             f"{spans['T2TL, MJX, 12 seeds']} / {spans['T1TL, MJX, 12 seeds']}",
         ),
-        *_largest(benchmarks(results)),
+        *largest(benchmarks(results)),
     ]
     return table(("what", "hardware", "figure"), rows)
 
 
-def _largest(measured: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
+def largest(measured: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
+    """A row of the README for each benchmark of environments: steps/s of its largest batch, to three digits."""
     rows = []
     for one in measured:
         count = max(row["num_envs"] for row in one["results"])

@@ -122,7 +122,7 @@ def plot_lines(
     axes.set_xlabel(xlabel)
     axes.set_ylabel(ylabel)
     axes.grid(alpha=0.3)
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend(frameon=False, fontsize="small", ncols=1 if len(lines) <= 8 else 2)
     canvas.print_png(str(target), metadata=dict(metadata or {}))
 
 

@@ -20,8 +20,13 @@ FIGURE = re.compile(r"\[-?\d*\.\d+, -?\d*\.\d+\]|\d (?:frames|steps)/s|\d\d s\b|
 
 
 @pytest.fixture(scope="module")
-def pages():
-    return report.pages(ROOT)
+def wanted():
+    return report.documentation(ROOT)
+
+
+@pytest.fixture(scope="module")
+def pages(wanted):
+    return wanted.pages
 
 
 def test_pages_are_those_of_the_stored_results(pages):
@@ -31,12 +36,12 @@ def test_pages_are_those_of_the_stored_results(pages):
         assert (ROOT / name).read_text(encoding="utf-8") == text, f"{name} is not what results/ says"
 
 
-def test_pictures_are_those_of_the_stored_results(pages):
+def test_pictures_are_those_of_the_stored_results(wanted, pages):
     """Each PNG holds a digest of the numbers that it shows; its pixels also depend on the version of matplotlib."""
-    wanted = {picture.file: picture.digest() for picture in pictures(RESULTS).values()}
-    assert {file.name: drawn(file) for file in (ROOT / "docs").glob("*.png")} == wanted
-    for file in wanted:
-        assert f"]({file})" in pages["docs/results.md"]
+    there = {f"docs/{file.name}": drawn(file) for file in (ROOT / "docs").glob("*.png")}
+    assert there == {name: picture.digest() for name, picture in wanted.pictures.items()}
+    for picture in wanted.pictures.values():
+        assert f"]({picture.file})" in pages["docs/results.md"]
     assert "](docs/zone_short_curves.png)" in pages["README.md"]
 
 
@@ -54,24 +59,24 @@ def test_the_check_sees_figures():
 
 
 def test_other_numbers_make_another_picture_and_another_page(tmp_path):
-    shutil.copytree(RESULTS / "zone_short_h200", tmp_path / "zone_short_h200")
-    before, said = pictures(tmp_path)["short"], beside.short_schedule(tmp_path)
-    before.draw(tmp_path)
-    assert drawn(tmp_path / before.file) == before.digest() == pictures(RESULTS)["short"].digest()
-    metrics = tmp_path / "zone_short_h200" / "t2tl" / "metrics.csv"
+    shutil.copytree(RESULTS / beside.SHORT, tmp_path / beside.SHORT)
+    before, said = pictures({}, stored.load(tmp_path / beside.SHORT))["short"], beside.short_schedule(tmp_path)
+    before.draw(tmp_path / "x.png")
+    assert drawn(tmp_path / "x.png") == before.digest() == drawn(ROOT / "docs" / before.file)
+    metrics = tmp_path / beside.SHORT / "t2tl" / "metrics.csv"
     header, *rows = metrics.read_text(encoding="utf-8").splitlines()
     at = header.split(",").index("discounted_return")
     cells = rows[-1].split(",")
     cells[at] = str(float(cells[at]) - 0.5)
     metrics.write_text("\n".join([header, *rows[:-1], ",".join(cells)]) + "\n", encoding="utf-8")
-    assert pictures(tmp_path)["short"].digest() != before.digest()
+    assert pictures({}, stored.load(tmp_path / beside.SHORT))["short"].digest() != before.digest()
     assert beside.short_schedule(tmp_path) != said
 
 
 @pytest.mark.parametrize("name", ["t2tl", "t1tl", "t2tl_4"])
 def test_figures_of_the_short_schedule(name, pages):
     """By hand from the metrics: since when success stayed above 95 % in half of the seeds and in all, and the end."""
-    run = Stored(RESULTS / "zone_short_h200" / name)
+    run = Stored(RESULTS / beside.SHORT / name)
     columns, since, ends = run.columns, [], []
     for seed in run.seeds:
         of_seed = columns["seed"] == seed

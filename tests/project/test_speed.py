@@ -60,6 +60,6 @@ def test_environments_are_shown_as_they_were_measured(tmp_path):
     (tmp_path / "env_x.json").write_text(json.dumps({"where": where, "config": config, "results": results}))
     shown = speed.environments(tmp_path)
     assert "| mjx | 64 | 1,234,567 (9, 5,000,000) | 1.2 s |" in shown and "Commits: aaaaaaa. " in shown
-    assert speed._largest(speed.benchmarks(tmp_path)) == [
+    assert speed.largest(speed.benchmarks(tmp_path)) == [
         ("ZoneEnv, 64 environments, mjx / closed_form", "H100", "1,230,000 / 4,000,000 steps/s")
     ]
