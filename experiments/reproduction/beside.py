@@ -9,10 +9,14 @@ import numpy as np
 from experiments import tuning
 from experiments.methods import apply
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import sections, stored
+from experiments.reproduction import stored
+from experiments.reproduction.cells import text
+from experiments.reproduction.claims import differences
+from experiments.reproduction.measures import frames_to
 from experiments.reproduction.page import made_by, origin, paragraph, table
+from experiments.reproduction.sections.benchmark import benchmark
 from experiments.reproduction.stored import Stored
-from experiments.reproduction.tables import curves_by_frames, differences, text
+from experiments.reproduction.tables import curves_by_frames
 from t2tl_jax.evaluation.statistics import SOLVED
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs.differences import differences as changes
@@ -76,7 +80,7 @@ def short_schedule(results: Path) -> str:
 
 def _short_row(run: Stored) -> list[str]:
     """What a run of the short schedule changes, when it rose above 95 %, and where it ended."""
-    reached = list(sections.frames_to(run).values())
+    reached = list(frames_to(run).values())
     over = [run.by_seed("success_rate", which="best", policy=policy) for policy in ("deterministic", "sampled")]
     return [
         ", ".join(f"`{change}`" for change in _changes(run)) or "-",
@@ -133,7 +137,7 @@ def parallel(results: Path) -> str:
         32 environments and one gradient step after each of their steps: more steps and less time than the authors'
         form, {run.train_seconds:.0f} s of training for {len(run.seeds)} maps and {run.frames:,} steps each. The score
         is normalised by the best of this run and of the authors'."""
-    return "\n\n".join((paragraph(note), sections.benchmark(runs), made_by([run])))
+    return "\n\n".join((paragraph(note), benchmark(runs), made_by([run])))
 
 
 QUANTITIES = (("position_mm", "mm", 2), ("velocity_m_s", "m/s", 3), ("turning_rad_s", "rad/s", 2))

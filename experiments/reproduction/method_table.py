@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 from experiments.methods import METHODS, Method
+from experiments.reproduction.cells import solved, text
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
-from experiments.reproduction.tables import text
 from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
@@ -33,9 +33,9 @@ def method_table(runs: Mapping[str, Stored], methods: Sequence[str] = tuple(METH
                 "yes" if method.context else "no",
                 "every row" if method.counterfactual else "the own row",
                 "yes" if method.task_encoder.learned else "-",
-                _solved(zone),
+                "-" if zone is None else solved(zone),
                 "-" if zone is None else text(zone.end("discounted_return")),
-                _solved(water),
+                "-" if water is None else solved(water),
             )
         )
     heading = (
@@ -50,8 +50,3 @@ def _encoder(method: Method) -> str:
     if method.code_size == 1:
         return words.replace("one-hot", "one number")
     return words if method.code_size is None else f"{words} of {method.code_size}"
-
-
-def _solved(run: Stored | None) -> str:
-    solved = None if run is None else run.solved()
-    return "-" if solved is None or solved.value is None else f"{round(solved.value * solved.count)}/{solved.count}"

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from experiments.paper.published_curves import ZONE_CURVES
 from experiments.paper.published_water import EPISODES, PHI_WATER
 from experiments.reproduction import runs as named
+from experiments.reproduction.sections.figures import ZONE_LABELS, ZONE_PUBLISHED
 from experiments.reproduction.stored import Stored
+from experiments.reproduction.tables import returns_at
 from t2tl_jax.evaluation.curves import Line, plot_lines
-from t2tl_jax.evaluation.scores import return_by_episode
 
 KEYWORD = "Numbers"
 """Of the text in a PNG that holds the digest of what it shows."""
@@ -22,9 +22,15 @@ KEYWORD = "Numbers"
 COLOURS = {method: colour for colour, method in enumerate(named.ZONE_METHODS)}
 """The same for a method in every picture, and for its published curve."""
 
-PUBLISHED_ZONE = {"T2TL_pre": "t2tl", "T1TL_pre": "t1tl", "GNN_pre": "gnn", "DFA": "dfa_number", "DFA_cont": "dfa_cont"}
-PUBLISHED_WATER = {**PUBLISHED_ZONE, "RM": "rm", "DFA": "dfa"}
-"""Which method's colour a published curve has."""
+PUBLISHED_WATER = {
+    "T2TL_pre": "t2tl",
+    "T1TL_pre": "t1tl",
+    "GNN_pre": "gnn",
+    "RM": "rm",
+    "DFA": "dfa",
+    "DFA_cont": "dfa_cont",
+}
+"""The methods of the published curves on `phi_water`."""
 
 MARKS = tuple(range(EPISODES[0], EPISODES[-1] + 1, 250))
 """Episodes at which curves by episode are drawn."""
@@ -115,7 +121,7 @@ def _by_episode(runs: Mapping[str, Stored]) -> list[Line]:
         Line(
             _label(method, run),
             MARKS,
-            np.stack([return_by_episode(run.columns, seed, MARKS) for seed in run.seeds]),
+            returns_at(run, MARKS),
             COLOURS[method],
         )
         for method, run in runs.items()
@@ -127,18 +133,18 @@ def _label(method: str, run: Stored) -> str:
 
 
 def _published_zone() -> list[Line]:
-    lines = []
-    for name, method in PUBLISHED_ZONE.items():
-        frames, returns = ZONE_CURVES[f"{name} (published)"]
-        lines.append(Line(f"{name} (published)", frames, np.array([returns]), COLOURS[method], dashed=True))
-    return lines
+    return [
+        Line(f"{ZONE_LABELS[name]}, published", frames, np.array([returns]), COLOURS[ZONE_LABELS[name]], dashed=True)
+        for name, (frames, returns) in ZONE_PUBLISHED.items()
+    ]
 
 
 def _published_water() -> list[Line]:
-    return [
-        Line(f"{name} (published)", EPISODES, np.array([curve]), COLOURS[PUBLISHED_WATER[name]], dashed=True)
-        for name, curve in PHI_WATER.items()
-    ]
+    lines = []
+    for name, curve in PHI_WATER.items():
+        method = PUBLISHED_WATER[name]
+        lines.append(Line(f"{method}, published", EPISODES, np.array([curve]), COLOURS[method], dashed=True))
+    return lines
 
 
 def _rounded(values: Sequence[float] | np.ndarray) -> list[str]:

@@ -6,15 +6,15 @@ from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import beside, speed, stored
+from experiments.reproduction.cells import text
 from experiments.reproduction.items import ITEMS
+from experiments.reproduction.measures import frames_to
 from experiments.reproduction.method_table import method_table
 from experiments.reproduction.page import page, paragraph
 from experiments.reproduction.parts import filled
 from experiments.reproduction.pictures import Picture, pictures
 from experiments.reproduction.runs import WATER_METHODS
-from experiments.reproduction.sections import frames_to
 from experiments.reproduction.stored import Stored
-from experiments.reproduction.tables import text
 from experiments.tuning import in_words
 
 PAGE = "docs/results.md"

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.reproduction import beside, parts, report, sections, stored
+from experiments.reproduction import beside, parts, report, stored
 from experiments.reproduction.pictures import drawn, pictures
+from experiments.reproduction.runs import ZONE_METHODS
 from experiments.reproduction.stored import Stored
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation import statistics
@@ -95,7 +96,7 @@ def test_the_table_of_methods_shows_stored_runs_and_dashes_for_others(pages):
         (row,) = re.findall(rf"^\| `{method}` .*$", pages["README.md"], re.M)
         rates = runs[f"water-{method}"].by_seed("success_rate")
         assert row.split(" | ")[cell + 1].strip(" |") == f"{sum(rate > 0.95 for rate in rates.values())}/12"
-    measured = [name for name in sections.named.ZONE_METHODS if f"zone-{name}" in runs]
+    measured = [name for name in ZONE_METHODS if f"zone-{name}" in runs]
     for line in re.findall(r"^\| `.*$", pages["docs/methods.md"], re.M)[:8]:
         name = line.split("`")[1]
         assert (line.split(" | ")[5] == "-") == (name not in measured)
