@@ -18,7 +18,7 @@ from t2tl_jax.runs.pretraining_published import as_published
 from t2tl_jax.runs.pretraining_schedule import SCHEDULE
 from t2tl_jax.single_state import SingleStateConfig
 
-# The short schedule: small iterations and few environments. Chosen on seeds from 100 on; see docs/results.md.
+# The short schedule: small iterations and few environments. Chosen on seeds from 100 on.
 _SHORT = PPOConfig(
     network=NetworkConfig(context=ContextConfig()),
     num_envs=256,

@@ -15,11 +15,9 @@ from t2tl_jax.errors import UserError, explained, unknown
 from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
-RESULTS = Path(__file__).parents[1] / "results" / "paper"
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "results" / "paper"
 """Where finished runs of full scale are kept, in the repository."""
-
-PAGE = Path(__file__).parents[1] / "docs" / "paper.md"
-"""The page that is written from them."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,8 @@ class Arguments:
     folder: Path = Path("runs/reproduction")
     """Where the runs lie, in a folder for each scale."""
     report: bool = False
-    """Only write the page from the stored results of the repository (docs/paper.md)."""
+    """Only write what the documentation shows of the repository's stored results: docs/results.md, the tables between
+    markers in README.md and docs, and their pictures."""
     keep: bool = False
     """Copy finished runs of full scale into results/paper, which needs that they were made from clean commits of this
     history. Of the methods' own runs the parameters of the first seed are kept too, where they are small."""
@@ -59,7 +58,7 @@ def _main(texts: Sequence[str]) -> int:
         import jax
 
         from experiments.cli import compilation_cache, cpu_devices
-        from experiments.reproduction import stored, work
+        from experiments.reproduction import report, stored, work
         from experiments.reproduction.items import ITEMS
         from experiments.reproduction.page import page
         from experiments.reproduction.plan import Scale
@@ -80,8 +79,8 @@ def _main(texts: Sequence[str]) -> int:
             print(f"{name:22} {item.title}\n{'':22} {', '.join(item.runs)}")
         return 0
     if arguments.report:
-        PAGE.write_text(page(ITEMS, stored.load(RESULTS), smoke=False), encoding="utf-8")
-        print(f"written: {PAGE}")
+        for written in report.write(ROOT):
+            print(f"written: {written}")
         return 0
     if arguments.minutes <= 0:
         raise UserError(f"minutes must be positive, got {arguments.minutes:g}")
@@ -105,7 +104,7 @@ def _main(texts: Sequence[str]) -> int:
         for name, run in stored.load(base).items()
         if name in work.needed(runs, names) and work.is_done(runs[name], scale, base / name)
     }
-    target = base / "paper.md"
+    target = base / "results.md"
     target.write_text(page(items, finished, smoke=arguments.scale == "smoke"), encoding="utf-8")
     print(target.read_text(encoding="utf-8"))
     print(f"written: {target}")

@@ -37,7 +37,8 @@ TUNED = {
 
 def nearest(config: Config) -> str:
     """The named configuration that a run's own differs from in the fewest fields, its method aside."""
-    return min(configs(), key=lambda name: len(list(differences(configs()[name][0], config))))
+    known = configs()
+    return min(known, key=lambda name: len(list(differences(known[name][0], config))))
 
 
 def tuning_seeds(config: Config, seeds: Iterable[int]) -> list[int]:

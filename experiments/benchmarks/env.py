@@ -9,10 +9,8 @@ Compilation is timed apart.
 
 import dataclasses
 import json
-import platform
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
@@ -115,18 +113,14 @@ def make_env(config: BenchmarkConfig, physics: Physics) -> Any:
 def report(config: BenchmarkConfig) -> list[dict[str, Any]]:
     """Measure every combination, print a table, and write it to a file on request. Returns the rows of the table."""
     config = resolve(config)
-    import jax
-
     from experiments.benchmarks.env_speed import measure
+    from t2tl_jax.runs import provenance
 
     envs = {physics: make_env(config, physics) for physics in config.physics}
-    device = jax.devices()[0]
-    where = {
-        "device": f"{jax.device_count()} x {device.device_kind} ({device.platform}); one is used",
-        "python": platform.python_version(),
-        **{name: version(name) for name in ("jax", "mujoco", "mujoco-mjx", "brax")},
-    }
-    print(", ".join(f"{name} {value}" for name, value in where.items()))
+    where = provenance.describe()
+    shown = {name: where["packages"][name] for name in ("jax", "mujoco", "mujoco-mjx", "brax")}
+    devices = f"device {len(where['devices'])} x {where['devices'][0]} ({where['backend']}); one is used"
+    print(", ".join([devices, f"python {where['python']}", *(f"{name} {value}" for name, value in shown.items())]))
     print(f"{config.env}, layout {config.layout}, task {config.task}")
     print(f"{config.steps} steps per call, {config.repeats} calls")
     print(f"{'physics':16} {'envs':>8} {'compile s':>10} {'env steps/s':>14} {'min':>14} {'max':>14}")

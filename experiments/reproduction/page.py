@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from experiments import tuning
 from experiments.reproduction.plan import Item
@@ -9,11 +10,9 @@ from experiments.reproduction.stored import Stored
 
 SMOKE = "**Smoke test: tiny networks and budgets, closed-form physics. These figures mean nothing.**"
 
-HEAD = """# The paper, measured again
+HEAD = "# The paper, measured again"
 
-Written by `python -m experiments.reproduce --report True` from the runs in `results/paper`; do not edit.
-Each run is there with its configuration, metrics, evaluation, versions and the commit that made it.
-
+TERMS = """\
 Return: average discounted return of the sampled policy over the last 5 % of training. Solved: seeds whose final
 parameters succeed in over 95 % of the evaluation's sampled episodes. Brackets are 95 % intervals: Student's t over
 seeds for means, Wilson for shares; differences are Welch's, or paired where seed k has the same map in both runs, and
@@ -23,34 +22,67 @@ trainings shared a GPU. Values with "±" are as published, a spread that is not 
 *undecided*."""
 
 
-def page(items: Mapping[str, Item], runs: Mapping[str, Stored], smoke: bool) -> str:
-    """All items, those that are not measured with what is missing."""
-    parts = [HEAD, *([SMOKE] if smoke else [])]
+def page(
+    items: Mapping[str, Item],
+    runs: Mapping[str, Stored],
+    smoke: bool,
+    head: str = HEAD,
+    pictures: Mapping[str, str] | None = None,
+) -> str:
+    """All items, those that are not measured with what is missing.
+
+    Args:
+        items: by the name that ``--only`` takes.
+        runs: those that are stored, by name.
+        smoke: whether they are of a smoke test, which is then said beside every item.
+        head: what the page begins with.
+        pictures: by the name of an item, the line that shows its picture.
+    """
+    parts = [head, *([SMOKE] if smoke else []), TERMS]
     for name, item in items.items():
         missing = [run for run in item.runs if run not in runs]
         there = {run: runs[run] for run in item.runs if run in runs}
-        parts.append(f"## {item.title}\n\n`--only {name}`")
+        parts.append(f"## {item.title}\n\n    python -m experiments.reproduce --only {name}")
         if smoke:
             parts.append(SMOKE)
-        if there or not item.runs:
-            parts.append(item.section(there))
-            parts.append(made_by(list(there.values())))
+        section = item.section(there) if there or not item.runs else ""
+        if section:
+            parts += [section, (pictures or {}).get(name, ""), made_by(list(there.values()))]
         if missing:
-            parts.append(textwrap.fill(f"Not measured yet: {', '.join(missing)}.", 120, break_on_hyphens=False))
+            parts.append(paragraph(f"Not measured yet: {', '.join(missing)}."))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
+def paragraph(text: str) -> str:
+    """A text broken into lines that fit, at spaces alone."""
+    return textwrap.fill(" ".join(text.split()), 120, break_on_hyphens=False, break_long_words=False)
+
+
 def made_by(runs: Sequence[Stored]) -> str:
-    """Which commits and machines made the runs of an item."""
-    commits = sorted({(run.versions.get("git_revision") or "unknown")[:7] for run in runs})
-    machines = sorted({device for run in runs for device in run.versions.get("devices", [])})
-    seeds = sorted({len(run.seeds) for run in runs})
-    if not commits:
+    """Which commits, machines and versions made the runs of an item, and on which seeds settings were chosen."""
+    if not runs:
         return ""
+    seeds = sorted({len(run.seeds) for run in runs})
     counts = f"Seeds: {', '.join(map(str, seeds))}. " if any(seeds) else ""
     chosen = sorted({seed for run in runs if run.seeds for seed in tuning.tuning_seeds(run.config, run.seeds)})
     note = f" Settings were chosen in part on seeds {tuning.in_words(chosen)} of these." if chosen else ""
-    return f"{counts}Commits: {', '.join(commits)}. Hardware: {', '.join(machines)}.{note}"
+    return paragraph(f"{counts}{origin([run.versions for run in runs])}{note}")
+
+
+def origin(versions: Sequence[Mapping[str, Any]]) -> str:
+    """Commits, hardware and versions of JAX, as runs and benchmarks store them."""
+    commits = sorted({(one.get("git_revision") or "unknown")[:7] for one in versions})
+    machines = sorted({_machine(one) for one in versions})
+    jax = sorted({one.get("packages", {}).get("jax") or "unknown" for one in versions})
+    return f"Commits: {', '.join(commits)}. Hardware: {', '.join(machines)}. JAX {', '.join(jax)}."
+
+
+def _machine(versions: Mapping[str, Any]) -> str:
+    """The accelerator; a processor with how many devices it was to JAX, and its own name."""
+    devices = versions.get("devices", [])
+    if set(devices) == {"cpu"}:
+        return f"{len(devices)} x CPU ({versions.get('cpu') or 'unknown'})"
+    return ", ".join(sorted(set(devices))) or "unknown"
 
 
 def table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -1,6 +1,7 @@
 """Learning curves as a picture."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,20 @@ def plot_learning_curves(
     canvas.print_png(str(target))
 
 
+@dataclass(frozen=True)
+class Line:
+    """One curve of a picture."""
+
+    label: str
+    x: Sequence[float] | np.ndarray
+    """``float[points]``"""
+    values: np.ndarray
+    """``float[seeds, points]``, NaN where absent; a single row is drawn without a band."""
+    colour: int
+    """Which of matplotlib's colours, from 0 on."""
+    dashed: bool = False
+
+
 def plot_runs(
     runs: Mapping[str, Mapping[str, np.ndarray]], target: Path, published: Mapping[str, Curve] | None = None
 ) -> None:
@@ -71,21 +86,44 @@ def plot_runs(
         target: the PNG to write.
         published: curves ``(frames, discounted return)``, drawn dashed in the same order of colours.
     """
+    lines = [
+        Line(f"{name} ({len(of['discounted_return'])} seeds)", _frames(of), of["discounted_return"], colour)
+        for colour, (name, of) in enumerate(runs.items())
+    ]
+    lines += [
+        Line(name, x, np.array([y], float), colour, dashed=True)
+        for colour, (name, (x, y)) in enumerate((published or {}).items())
+    ]
+    plot_lines(lines, target, "frames per seed", "discounted return")
+
+
+def plot_lines(
+    lines: Sequence[Line], target: Path, xlabel: str, ylabel: str, metadata: Mapping[str, str] | None = None
+) -> None:
+    """Draw curves into one panel, each with its 95 % t interval over seeds.
+
+    Args:
+        lines: what is drawn, in this order.
+        target: the PNG to write.
+        xlabel: below the panel.
+        ylabel: beside it.
+        metadata: texts to keep in the PNG, by keyword.
+    """
     figure = Figure(figsize=(7.5, 4.4), layout="constrained")
     canvas = FigureCanvasAgg(figure)
     axes = figure.subplots()
-    for index, (name, metrics) in enumerate(runs.items()):
-        frames, values = _frames(metrics), metrics["discounted_return"]
-        centre, low, high = band(values)
-        axes.fill_between(frames, low, high, color=f"C{index}", alpha=0.15, linewidth=0)
-        axes.plot(frames, centre, color=f"C{index}", linewidth=1.6, label=f"{name} ({len(values)} seeds)")
-    for index, (name, (x, y)) in enumerate((published or {}).items()):
-        axes.plot(x, y, color=f"C{index}", linestyle="--", linewidth=1.1, label=name)
-    axes.set_xlabel("frames per seed")
-    axes.set_ylabel("discounted return")
+    for line in lines:
+        colour, centre = f"C{line.colour}", line.values[0]
+        if len(line.values) > 1:
+            centre, low, high = band(line.values)
+            axes.fill_between(line.x, low, high, color=colour, alpha=0.15, linewidth=0)
+        style, width = ("--", 1.1) if line.dashed else ("-", 1.6)
+        axes.plot(line.x, centre, color=colour, linestyle=style, linewidth=width, label=line.label)
+    axes.set_xlabel(xlabel)
+    axes.set_ylabel(ylabel)
     axes.grid(alpha=0.3)
-    axes.legend(frameon=False, fontsize="small")
-    canvas.print_png(str(target))
+    axes.legend(frameon=False, fontsize="small", ncols=1 if len(lines) <= 8 else 2)
+    canvas.print_png(str(target), metadata=dict(metadata or {}))
 
 
 def _frames(metrics: Mapping[str, np.ndarray]) -> np.ndarray:

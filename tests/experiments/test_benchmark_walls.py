@@ -34,7 +34,6 @@ def quoted(physics):
         ("envs/zones/point_mjx.py", (ONE,)),
         ("envs/zones/point_closed_form.py", (CLOSED,)),
         ("docs/results.md", (ONE, THREE, TWENTY, CLOSED)),
-        ("README.md", (ONE, CLOSED)),
     ],
 )
 def test_written_numbers_are_the_measured_ones(file, physics):

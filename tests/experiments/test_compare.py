@@ -13,7 +13,9 @@ pytestmark = pytest.mark.slow  # nearly every test loads, compiles or draws
 HEADER = (
     "iteration,frames,seed,episodes,success_rate,violation_rate,timeout_rate,discounted_return,length,success_length"
 )
-RESULTS = Path(__file__).parents[2] / "results" / "zone_methods_h200"
+RESULTS = Path(__file__).parents[2] / "results"
+ZONE = RESULTS / "corrections_h200"
+"""Runs of `phi_zone`: twelve seeds, 0 to 11."""
 
 
 @pytest.fixture
@@ -31,7 +33,7 @@ def metrics(tmp_path):
 @pytest.fixture
 def incomplete(metrics, tmp_path):
     """A run with those metrics and without status.json."""
-    (tmp_path / "config.json").write_text((RESULTS / "t2tl" / "config.json").read_text())
+    (tmp_path / "config.json").write_text((ZONE / "t2_base" / "config.json").read_text())
     return tmp_path
 
 
@@ -42,7 +44,7 @@ def test_what_is_not_known_is_a_dash(incomplete, capsys):
     assert f"note: {incomplete}: left out 1 of 2 seeds" in shown
 
     (incomplete / "metrics.csv").write_text(f"{HEADER}\n1,10,0,0,,,,,,\n1,10,1,0,,,,,,\n")
-    assert main([str(incomplete), str(RESULTS / "t2tl"), "--pairs", "True"]) == 0
+    assert main([str(incomplete), str(ZONE / "t2_base"), "--pairs", "True"]) == 0
     shown = capsys.readouterr().out
     assert shown.splitlines()[1].split()[:3] == ["-", "-", "-"] and "left out 2 of 2 seeds" in shown
     assert "p=-" in shown and "a test needs two seeds of each run or more, got 0 and 12" in shown
@@ -59,10 +61,10 @@ def test_violations_are_reported(metrics, incomplete, capsys):
 
 
 def test_a_run_given_twice_counts_once(capsys):
-    run = str(RESULTS / "t2tl")
-    assert main([run, f"{run}/../t2tl", str(RESULTS / "gnn"), "--pairs", "True"]) == 0
+    run = str(ZONE / "t2_base")
+    assert main([run, f"{run}/../t2_base", str(ZONE / "t2_none"), "--pairs", "True"]) == 0
     shown = capsys.readouterr().out
-    assert "t2tl/../t2tl is given more than once" in shown and shown.count("p=") == 1
+    assert "t2_base/../t2_base is given more than once" in shown and shown.count("p=") == 1
     assert main([run, run, "--pairs", "True"]) == 2
     assert "--pairs tests two runs or more" in capsys.readouterr().err
 
@@ -73,10 +75,10 @@ def test_wrong_folder_is_a_clean_error(tmp_path, capsys):
 
 
 def test_runs_are_tested_and_drawn(tmp_path, capsys):
-    runs, figure = [str(RESULTS / name) for name in ("t2tl", "gnn", "dfa")], tmp_path / "curves.png"
+    runs, figure = [str(ZONE / name) for name in ("t2_base", "t2_none", "t1_base")], tmp_path / "curves.png"
     assert main([*runs, "--pairs", "True", "--figure", str(figure)]) == 0
     shown = capsys.readouterr().out
-    assert shown.count("p=") == 3 and "0.021 [-0.002, 0.044]" in shown and shown.count("undecided") == 3
+    assert shown.count("p=") == 3 and "0.010 [-0.013, 0.033]" in shown and shown.count("undecided") == 3
     assert figure.stat().st_size > 10_000
     assert main([runs[0], "--figure", str(tmp_path / "nowhere" / "x.png")]) == 2
     assert main([runs[0], "--figure", str(tmp_path / "x.pdf")]) == 2 and not (tmp_path / "x.pdf").exists()
@@ -85,26 +87,27 @@ def test_runs_are_tested_and_drawn(tmp_path, capsys):
 
 
 def test_area_and_time_to_95_percent(capsys):
-    assert main([str(RESULTS / "t1tl"), "--last", "0.05"]) == 0
+    assert main([str(ZONE / "t1_base"), "--last", "0.05"]) == 0
     cells = capsys.readouterr().out.splitlines()[1].split()
-    assert cells[1:6] == ["-", "12/12", "3,997,696", "/", "4,849,664"] and cells[6] == "0.501"
+    assert cells[1:6] == ["-", "12/12", "4,980,736", "/", "5,898,240"] and cells[6] == "0.482"
 
 
 def test_water_worlds_maps_make_pairs(capsys):
     """Seed k has map k in both runs; on ZoneEnv's one map a seed is nothing but a number."""
-    runs = [str(RESULTS.parent / "water_h200" / name) for name in ("phi_rm", "phi_dfa")]
+    runs = [str(RESULTS / "paper" / name) for name in ("water-rm", "water-dfa")]
     assert main([*runs, "--pairs", "True", "--measure", "success_rate", "--margin", "0.3"]) == 0
     shown = capsys.readouterr().out
-    assert " paired " in shown and "not reproduced" in shown and "10/12" in shown and "7/12" in shown
+    assert " paired " in shown and "not reproduced" in shown and "unpaired" not in shown
 
 
 def test_solved_is_said_of_final_parameters_alone(tmp_path, capsys):
     """Success in training is another column; evaluations of other parameters or other tasks are not asked."""
     for name in ("config.json", "metrics.csv", "status.json"):
-        (tmp_path / name).write_bytes((RESULTS.parent / "water_h200" / "phi_dfa" / name).read_bytes())
-    entries = json.loads((RESULTS.parent / "water_h200" / "phi_dfa" / "evaluation.json").read_text())["evaluations"]
-    best = next(entry for entry in entries if entry["settings"]["episode_length"] == 600)
-    assert best["settings"]["checkpoint"] == "best"
+        (tmp_path / name).write_bytes((RESULTS / "paper" / "water-dfa" / name).read_bytes())
+    entries = json.loads((RESULTS / "paper" / "water-dfa" / "evaluation.json").read_text())["evaluations"]
+    best = next(entry for entry in entries if entry["settings"]["checkpoint"] == "best")
+    rates = [seed["success_rate"]["value"] for seed in best["policies"]["sampled"]["seeds"]]
+    solved = f"{sum(rate > 0.95 for rate in rates)}/12"
 
     def shown(*changes):
         stored = [{**best, "settings": {**best["settings"], **change}} for change in changes]
@@ -112,27 +115,27 @@ def test_solved_is_said_of_final_parameters_alone(tmp_path, capsys):
         assert main([str(tmp_path)]) == 0
         return capsys.readouterr().out.splitlines()[1].split()[1:3]
 
-    assert shown({}) == ["-", "7/12"]
-    assert shown({"checkpoint": "latest"}) == ["11/12", "7/12"]
+    (dash, in_training), after = shown({}), shown({"checkpoint": "latest"})
+    assert dash == "-" and after == [solved, in_training] and solved != in_training
     assert shown({"checkpoint": "latest", "task": "F a"}) == shown({"checkpoint": "latest", "iteration": 1})
-    assert shown({"checkpoint": "latest", "episode_length": 50}) == ["-", "7/12"]
+    assert shown({"checkpoint": "latest", "episode_length": 50}) == ["-", in_training]
 
 
 def test_tuning_seeds_are_not_tested_against_reported_ones(capsys):
-    tuned, fresh = (str(RESULTS.parent / name) for name in ("zone_tuning/t2_4", "zone_short_h200/t2tl"))
+    tuned, fresh = (str(RESULTS / name) for name in ("zone_cpu/t2tl_100", "zone_short_h200/t2tl"))
     assert main([tuned, fresh]) == 0
     shown = capsys.readouterr().out
-    assert f"note: {tuned}: settings were chosen on seeds 100-111" in shown
+    assert f"note: {tuned}: settings were chosen on seeds 100" in shown
     assert "on some of these seeds and not on others" in shown
     assert main([tuned, fresh, "--pairs", "True"]) == 2
     assert "no test: settings were chosen on some" in capsys.readouterr().err
 
 
 def test_what_else_differs(capsys):
-    runs = [str(RESULTS.parent / "water_h200" / name) for name in ("phi_t1tl", "phi_rm")]
+    runs = [str(RESULTS / name) for name in ("zone_short_h200/t2tl", "paper/water-rm")]
     assert main([*runs, "--fairness", "True"]) == 0
     shown = capsys.readouterr().out.split("\n\n")[1].splitlines()
-    learned, coded = (dict(zip(re.split(r"  +", shown[0]), re.split(r"  +", line), strict=True)) for line in shown[1:3])
-    assert learned["settings of"] == "waterworld_dqn" and learned["on seeds"] == "100-111"
-    assert learned["seeds here"] == "0-11" and learned["frames before"] == "217,088" and coded["frames before"] == "0"
-    assert coded["encoder"] == "0" and int(learned["encoder"].replace(",", "")) > 1000
+    taught, coded = (dict(zip(re.split(r"  +", shown[0]), re.split(r"  +", line), strict=True)) for line in shown[1:3])
+    assert taught["settings of"] == "zone_ppo" and taught["on seeds"] == "100-111"
+    assert taught["seeds here"] == "24-35" and taught["frames before"] == "169,984" and coded["frames before"] == "0"
+    assert coded["encoder"] == "0" and int(taught["encoder"].replace(",", "")) > 1000

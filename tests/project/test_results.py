@@ -1,39 +1,56 @@
-"""What is stored in results/ says where it comes from, and the documentation names what does not."""
+"""Everything that is stored in results/ says where it comes from: a commit of this history, as it stands."""
 
 import json
+import subprocess
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
-TEXT = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
-MODIFIED = {
-    "pretrain_zone_h200",
-    *(f"water_h200/{run}" for run in ("phi_rm", "phi_t1tl", "phi_t1tl_fresh", "rm_crm", "rm_ql")),
-    *(f"zone_methods_h200/{run}" for run in ("dfa", "dfa_cont", "gnn", "t1tl", "t2tl")),
-}
-"""Of version 0.1, from trees with changes. Nothing may join them; what is measured again leaves."""
-WITHOUT_VERSIONS = {"zone_ppo_h200", "zone_tuning"}
+RUNS = sorted({path.parent for path in RESULTS.rglob("*") if path.is_file() and path.parent != RESULTS})
+BENCHMARKS = sorted(RESULTS.glob("*.json"))
 
 
-def test_runs_come_from_clean_commits():
-    modified = set()
-    for file in RESULTS.rglob("versions.json"):
-        versions = json.loads(file.read_text(encoding="utf-8"))
+def sessions():
+    """Of every session of a stored run, and of every benchmark: its folder or file, and its versions."""
+    for path in RUNS:
+        versions = json.loads((path / "versions.json").read_text(encoding="utf-8"))
         for session in (versions["started"], *versions.get("resumed", [])):
-            assert session["git_revision"], file
-            if session["git_modified"]:
-                modified.add(str(file.parent.relative_to(RESULTS)))
-    assert modified == MODIFIED
+            yield path, session
+    for file in BENCHMARKS:
+        yield file, json.loads(file.read_text(encoding="utf-8"))["where"]
 
 
-def test_runs_without_versions_are_those_that_are_named():
-    without = {path.parent for path in RESULTS.rglob("config.json") if not (path.parent / "versions.json").exists()}
-    assert {path.relative_to(RESULTS).parts[0] for path in without} == WITHOUT_VERSIONS
+def git(*words):
+    return subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=False)
 
 
-def test_the_documentation_names_them():
-    paragraph = TEXT.split("**Not from clean commits**")[1].split("\n\n")[0]
-    for run in MODIFIED:
-        assert f"`{run.split('/')[0]}`" in paragraph, run
-        assert "/" not in run or run.startswith("zone_methods") or f"`{run.split('/')[1]}`" in paragraph, run
-    assert all(f"`{folder}`" in paragraph for folder in WITHOUT_VERSIONS)
+def test_there_are_results():
+    assert len(RUNS) > 20 and RESULTS / "walls.json" in BENCHMARKS
+
+
+def test_every_run_has_its_versions():
+    assert [path for path in RUNS if not (path / "versions.json").is_file()] == []
+    loose = {path for path in RESULTS.iterdir() if path.is_file()} - set(BENCHMARKS)
+    assert not loose  # what belongs to no run says in itself where it comes from
+
+
+def test_everything_was_made_from_a_tree_without_changes():
+    assert [path for path, made in sessions() if not made["git_revision"] or made["git_modified"]] == []
+
+
+def test_the_commits_are_of_this_history():
+    if git("rev-parse", "--is-inside-work-tree").returncode:
+        pytest.skip("not a git checkout, so there is no history to look into")
+    shallow = git("rev-parse", "--is-shallow-repository").stdout.strip() == "true"
+    foreign, missing = set(), set()
+    for path, made in sessions():
+        revision = made["git_revision"]
+        if git("cat-file", "-e", f"{revision}^{{commit}}").returncode and shallow:
+            missing.add(revision)
+        elif git("merge-base", "--is-ancestor", revision, "HEAD").returncode:
+            foreign.add((str(path), revision))
+    assert foreign == set()
+    if missing:
+        pytest.skip(f"a shallow clone without {len(missing)} of the commits that results were made from")

@@ -1,4 +1,4 @@
-"""Figures of docs/speed.md and of README's table of speed, computed anew from what runs stored and printed."""
+"""The tables of speed show every stored run, and what was printed is what the runs say of themselves."""
 
 import json
 import re
@@ -6,92 +6,60 @@ from pathlib import Path
 
 import pytest
 
+from experiments.reproduction import speed
+from t2tl_jax.training.seeds import FIRST_TUNING_SEED
+
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
-SPEED = (ROOT / "docs" / "speed.md").read_text(encoding="utf-8")
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-SINCE = re.compile(r"after ([\d,]+) frames and (\d+) s since the start of the program")
-KINDS = {"T2TL, MJX": "t2tl", "T1TL, MJX": "t1tl", "T1TL, closed form": "t1tl_closed_form"}
+CPU = sorted(path for path in (RESULTS / "zone_cpu").iterdir())
+TABLE = speed.until_solved(RESULTS)
 
 
-def since(run: Path) -> tuple[int, int]:
-    """Frames and seconds until success stayed above 95 %; the last such line, since a pre-training has one too."""
-    frames, seconds = SINCE.findall((run / "output.txt").read_text(encoding="utf-8"))[-1]
-    return int(frames.replace(",", "")), int(seconds)
+def row(title):
+    (line,) = (line for line in TABLE.splitlines() if line.startswith(f"| {title} |"))
+    return line.strip("| ").split(" | ")
 
 
-def rows(text: str, first: str) -> list[list[str]]:
-    """Cells of the rows that begin with a cell."""
-    return [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith(f"| {first} |")]
+@pytest.mark.parametrize("path", CPU, ids=lambda path: path.name)
+def test_frames_that_were_printed_are_those_of_the_status(path):
+    """Which earlier versions call by another name."""
+    status = json.loads((path / "status.json").read_text(encoding="utf-8"))
+    one = speed.timed(path)
+    assert (status.get("success_since_frames") or status["solved_after_frames"]) == [one.frames]
+    assert one.whole is None or one.seconds < one.whole
 
 
-def stored_runs(kind: str) -> dict[int, tuple[int, int]]:
-    found = (re.fullmatch(rf"{kind}_(\d+)", path.name) for path in (RESULTS / "zone_cpu").iterdir())
-    return {int(match[1]): since(RESULTS / "zone_cpu" / match[0]) for match in found if match}
+@pytest.mark.parametrize("kind", speed.KINDS, ids=lambda kind: kind.title)
+def test_every_stored_run_is_shown_the_slow_ones_too(kind):
+    folder = Path(kind.folder)
+    paths = [
+        path
+        for path in (RESULTS / folder.parent).iterdir()
+        if re.fullmatch(folder.name.replace("SEED", r"\d+"), path.name)
+    ]
+    seconds = [int(re.findall(r"and (\d+) s since", (path / "output.txt").read_text())[-1]) for path in paths]
+    _, _, shown, _, aim, *_ = row(kind.title)
+    assert sorted(map(int, re.findall(r": (\d+)", shown))) == sorted(seconds) and paths
+    assert aim == f"{kind.aim} s: {sum(one <= kind.aim for one in seconds)} of {len(paths)}"
 
 
-@pytest.mark.parametrize("what", KINDS)
-def test_seconds_on_two_cores(what):
-    """Every stored run is shown, the slow ones too."""
-    ((_, hardware, shown, frames, _),) = rows(SPEED, what)
-    stored = stored_runs(KINDS[what])
-    assert hardware == "2 CPU cores"
-    assert {int(a): int(b) for a, b in re.findall(r"(\d+): (\d+)", shown)} == {k: s for k, (_, s) in stored.items()}
-    least, most = (edge([f for f, _ in stored.values()]) for edge in (min, max))
-    assert frames == f"{least / 1e6:.2f} to {most / 1e6:.2f} M"
+def test_the_readme_shows_seeds_that_nothing_was_tuned_on():
+    seconds = [one.seconds for one in speed.runs_of(speed.KINDS[0], RESULTS) if one.run.seeds[0] < FIRST_TUNING_SEED]
+    said = f"| 2 CPU cores | {min(seconds)} to {max(seconds)} s ({len(seconds)} runs) |"
+    assert said in speed.short_table(RESULTS) and said in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("method", ["t2tl", "t1tl"])
-def test_seconds_of_twelve_seeds(method):
-    frames, seconds = since(RESULTS / "zone_short_h200" / f"{method}_until_solved")
-    ((_, _, shown, million, _),) = rows(SPEED, f"{method.upper()}, MJX, 12 seeds")
-    assert shown == f"36 to 47: {seconds}" and million == f"{frames / 1e6:.2f} M"
-
-
-def test_frames_are_those_of_the_stored_curves():
-    """What was printed is what the status says, which earlier versions call by another name."""
-    for path in (RESULTS / "zone_cpu").iterdir():
-        status = json.loads((path / "status.json").read_text(encoding="utf-8"))
-        said = status.get("success_since_frames") or status["solved_after_frames"]
-        assert said == [since(path)[0]], path
-
-
-def test_what_a_second_core_brings():
-    cells = (
-        rows(SPEED, "one device, MJX with sparse matrices"),
-        rows(SPEED, "every core a device: the environments of the seed are shared out"),
-    )
-    for ((_, *shown),), suffix in zip(cells, ("_one_device", ""), strict=True):
-        for kind, figure in zip(("t1tl_100", "t2tl_100", "t1tl_closed_form_100"), shown, strict=True):
-            status = json.loads((RESULTS / "zone_cpu" / f"{kind}{suffix}" / "status.json").read_text(encoding="utf-8"))
-            assert figure == f"{status['last_session']['frames_per_second_all_seeds']:,.0f}"
-
-
-def test_steps_of_environments():
-    text = (RESULTS / "zone_env_h200" / "output.txt").read_text(encoding="utf-8")
-    for name, physics in (("mjx", "MJX"), ("closed_form", "closed form")):
-        for envs, compiled, steps, least, most in re.findall(
-            rf"^{name} +(\S+) +(\S+) +(\S+) +(\S+) +(\S+)$", text, re.M
-        ):
-            assert f"| {physics} | {envs} | {steps} ({least}, {most}) | {compiled} s |" in SPEED
-    fast = re.findall(r"65,536 +\S+ +(\S+)", text)
-    mjx, closed = (float(x.replace(",", "")) for x in fast)
-    assert f"{round(mjx, -3):,.0f} / {round(closed, -6):,.0f} steps/s" in README
-
-
-def test_readme_says_the_same():
-    """Of seeds that nothing was tuned on."""
-
-    def span(kind):
-        seconds = [s for seed, (_, s) in stored_runs(kind).items() if seed < 100]
-        return f"{min(seconds)} to {max(seconds)} s"
-
-    words = " ".join(README.split())
-    assert (
-        f"from {span('t2tl').replace(' s', '')} s on (three runs; T1TL: from {span('t1tl').replace(' s', '')} s"
-        in words
-    )
-    ((_, _, figure),) = rows(README, "T2TL, MJX, 1 seed: `zone_ppo`")
-    assert figure == span("t2tl")
-    both = [since(RESULTS / "zone_short_h200" / f"{method}_until_solved")[1] for method in ("t2tl", "t1tl")]
-    assert f"| H200 | {both[0]} s / {both[1]} s |" in README and f"twelve seeds did from {both[0]} s on" in words
+def test_environments_are_shown_as_they_were_measured(tmp_path):
+    assert "Not measured" in speed.environments(tmp_path)
+    where = {"devices": ["NVIDIA H100"], "git_revision": "a" * 40, "packages": {"jax": "0.11.2"}}
+    config = {"env": "zones", "layout": "fixed", "task": "phi_zone", "repeats": 5, "steps": 100}
+    results = [
+        {"physics": name, "num_envs": 64, "steps_per_s": each, "slowest": 9.0, "fastest": 5e6, "compile_s": 1.25}
+        for name, each in (("mjx", 1234567.0), ("closed_form", 4e6))
+    ]
+    (tmp_path / "env_x.json").write_text(json.dumps({"where": where, "config": config, "results": results}))
+    shown = speed.environments(tmp_path)
+    assert "| mjx | 64 | 1,234,567 (9, 5,000,000) | 1.2 s |" in shown and "Commits: aaaaaaa. " in shown
+    assert speed.largest(speed.benchmarks(tmp_path)) == [
+        ("ZoneEnv, 64 environments, mjx / closed_form", "H100", "1,230,000 / 4,000,000 steps/s")
+    ]

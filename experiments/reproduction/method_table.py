@@ -1,0 +1,55 @@
+"""The table of methods: what each one is, and what came of it in the paper's two tasks."""
+
+from collections.abc import Mapping, Sequence
+
+from experiments.methods import METHODS, Method
+from experiments.reproduction.cells import solved, text
+from experiments.reproduction.page import table
+from experiments.reproduction.stored import Stored
+from t2tl_jax.networks.rgcn import RGCNConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+
+ENCODERS = {
+    TransformerConfig: "Transformer on the formula",
+    RGCNConfig: "R-GCN on the formula's tree",
+    OneHotConfig: "automaton's state, one-hot",
+}
+
+WIDTHS = {"rm_6": "rm-6"}
+"""Methods whose runs in WaterWorld are named as a width of another one."""
+
+SAME_UNDER_PPO = {"rm": "dfa"}
+"""Methods that are another one under PPO, which ZoneEnv is learned with."""
+
+
+def method_table(runs: Mapping[str, Stored], methods: Sequence[str] = tuple(METHODS)) -> str:
+    """A row for each of the methods, from the runs of the items `fig-zone` and `fig-water`; a dash for no run."""
+    rows = []
+    for name in methods:
+        method = METHODS[name]
+        zone, water = runs.get(f"zone-{SAME_UNDER_PPO.get(name, name)}"), runs.get(f"water-{WIDTHS.get(name, name)}")
+        rows.append(
+            (
+                f"`{name}`",
+                _encoder(method),
+                "yes" if method.context else "no",
+                "every row" if method.counterfactual else "the own row",
+                "yes" if method.task_encoder.learned else "-",
+                "-" if zone is None else solved(zone),
+                "-" if zone is None else text(zone.end("discounted_return")),
+                "-" if water is None else solved(water),
+            )
+        )
+    heading = (
+        *("method", "task encoder", "context window", "DQN learns", "pre-training"),
+        *("`phi_zone`: solved", "return", "`phi_water`: solved"),
+    )
+    return table(heading, rows)
+
+
+def _encoder(method: Method) -> str:
+    words = ENCODERS[method.task_encoder]
+    if method.code_size == 1:
+        return words.replace("one-hot", "one number")
+    return words if method.code_size is None else f"{words} of {method.code_size}"

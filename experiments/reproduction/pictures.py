@@ -1,0 +1,151 @@
+"""The pictures of the documentation: drawn from stored results, and each PNG says which numbers it shows."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from experiments.paper.published_water import EPISODES, PHI_WATER
+from experiments.reproduction import runs as named
+from experiments.reproduction.sections.figures import ZONE_LABELS, ZONE_PUBLISHED
+from experiments.reproduction.stored import Stored
+from experiments.reproduction.tables import returns_at
+from t2tl_jax.evaluation.curves import Line, plot_lines
+
+KEYWORD = "Numbers"
+"""Of the text in a PNG that holds the digest of what it shows."""
+
+COLOURS = {method: k for k, method in enumerate(dict.fromkeys((*named.WATER_METHODS, *named.ZONE_METHODS)))}
+"""The same for a method in every picture, and for its published curve."""
+
+PUBLISHED_WATER = {
+    "T2TL_pre": "t2tl",
+    "T1TL_pre": "t1tl",
+    "GNN_pre": "gnn",
+    "RM": "rm",
+    "DFA": "dfa",
+    "DFA_cont": "dfa_cont",
+}
+"""The methods of the published curves on `phi_water`."""
+
+MARKS = tuple(range(EPISODES[0], EPISODES[-1] + 1, 250))
+"""Episodes at which curves by episode are drawn."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of `docs`."""
+
+    file: str
+    """Its name there."""
+    caption: str
+    lines: tuple[Line, ...]
+    xlabel: str
+    ylabel: str
+
+    def digest(self) -> str:
+        """Of everything that is drawn, the same wherever it is computed: numbers count to six digits."""
+        lines = [(one.label, one.colour, one.dashed, _rounded(one.x), _rounded(one.values)) for one in self.lines]
+        return hashlib.sha256(json.dumps([self.xlabel, self.ylabel, lines]).encode()).hexdigest()
+
+    def draw(self, target: Path) -> None:
+        """Write the PNG."""
+        plot_lines(self.lines, target, self.xlabel, self.ylabel, {KEYWORD: self.digest()})
+
+    def markdown(self) -> str:
+        """The line that shows it on a page beside it."""
+        return f"![{self.caption}]({self.file})"
+
+
+def drawn(file: Path) -> str | None:
+    """The digest that a PNG was drawn with; None if it says nothing."""
+    with Image.open(file) as image:
+        return image.info.get(KEYWORD)
+
+
+def pictures(paper: Mapping[str, Stored], short: Mapping[str, Stored]) -> dict[str, Picture]:
+    """By item of the paper, or `short` for the short schedule; those of which something is stored.
+
+    Args:
+        paper: the stored runs of the paper's items, by name.
+        short: those of the short schedule.
+    """
+    zone, published = by_method(paper, "zone", named.ZONE_METHODS), "Dashed: published, read off a picture."
+    water = by_method(paper, "water", named.WATER_METHODS)
+    found = {
+        "fig-zone": Picture(
+            "phi_zone_curves.png",
+            f"Discounted return during training on phi_zone, 10 million frames. {published}",
+            (*_by_frames(zone), *_published_zone()),
+            *("frames per seed", "discounted return"),
+        ),
+        "fig-water": Picture(
+            "phi_water_curves.png",
+            f"Return of the last 500 training episodes on phi_water. {published}",
+            (*_by_episode(water), *_published_water()),
+            *("episodes per seed", "return of the last 500 episodes"),
+        ),
+        "short": Picture(
+            "zone_short_curves.png",
+            f"Discounted return of the short schedule, beside the published curves. {published}",
+            (*_by_frames({name: short[name] for name in ("t2tl", "t1tl")}), *_published_zone()),
+            *("frames per seed", "discounted return"),
+        ),
+    }
+    return {name: one for name, one in found.items() if any(not line.dashed for line in one.lines)}
+
+
+def by_method(runs: Mapping[str, Stored], world: str, methods: Sequence[str]) -> dict[str, Stored]:
+    """The runs of the six methods in a world, by method, as far as they are stored."""
+    return {method: runs[f"{world}-{method}"] for method in methods if f"{world}-{method}" in runs}
+
+
+def _by_frames(runs: Mapping[str, Stored]) -> list[Line]:
+    return [
+        Line(
+            _label(method, run),
+            np.nanmax(run.metrics["frames"], axis=0),
+            run.metrics["discounted_return"],
+            COLOURS[method],
+        )
+        for method, run in runs.items()
+    ]
+
+
+def _by_episode(runs: Mapping[str, Stored]) -> list[Line]:
+    return [
+        Line(
+            _label(method, run),
+            MARKS,
+            returns_at(run, MARKS),
+            COLOURS[method],
+        )
+        for method, run in runs.items()
+    ]
+
+
+def _label(method: str, run: Stored) -> str:
+    return f"{method} ({len(run.seeds)} seeds)"
+
+
+def _published_zone() -> list[Line]:
+    return [
+        Line(f"{ZONE_LABELS[name]}, published", frames, np.array([returns]), COLOURS[ZONE_LABELS[name]], dashed=True)
+        for name, (frames, returns) in ZONE_PUBLISHED.items()
+    ]
+
+
+def _published_water() -> list[Line]:
+    lines = []
+    for name, curve in PHI_WATER.items():
+        method = PUBLISHED_WATER[name]
+        lines.append(Line(f"{method}, published", EPISODES, np.array([curve]), COLOURS[method], dashed=True))
+    return lines
+
+
+def _rounded(values: Sequence[float] | np.ndarray) -> list[str]:
+    return [f"{value:.6g}" for value in np.ravel(values)]

@@ -1,0 +1,206 @@
+"""The tables of speed: seconds until success stayed above 95 %, and steps of environments, from stored output."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.reproduction.page import made_by, origin, table
+from experiments.reproduction.stored import Stored
+from t2tl_jax.runs.folder import read_json
+from t2tl_jax.training.seeds import FIRST_TUNING_SEED
+
+SINCE = re.compile(r"after ([\d,]+) frames and (\d+) s since the start of the program")
+COMPILED = re.compile(r"^compiled in ([\d.]+) s", re.M)
+WHOLE = re.compile(r"^whole process: (\d+) s", re.M)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A row of the table: runs of one configuration on one machine."""
+
+    title: str
+    folder: str
+    """Below the folder of all results; `SEED` stands for the seed of a run, if there are several."""
+    hardware: str
+    aim: int
+    """Seconds that were aimed at, for every run."""
+    command: str
+
+
+ALL_SEEDS = "36,37,38,39,40,41,42,43,44,45,46,47"
+SOLVE = "python -m experiments.run --config zone_ppo --until-solved True"
+KINDS = (
+    Kind("T2TL, MJX", "zone_cpu/t2tl_SEED", "2 CPU cores", 360, f"{SOLVE} --seeds 36,"),
+    Kind(
+        *("T1TL, MJX", "zone_cpu/t1tl_SEED", "2 CPU cores", 150),
+        f"{SOLVE} --seeds 36, --method t1tl --pretrained ''",
+    ),
+    Kind(
+        *("T1TL, closed form", "zone_cpu/t1tl_closed_form_SEED", "2 CPU cores", 60),
+        f"{SOLVE} --seeds 36, --method t1tl --pretrained '' --env.physics closed_form",
+    ),
+    Kind("T2TL, MJX, 12 seeds", "zone_short_h200/t2tl_until_solved", "H200", 150, f"{SOLVE} --seeds {ALL_SEEDS}"),
+    Kind(
+        *("T1TL, MJX, 12 seeds", "zone_short_h200/t1tl_until_solved", "H200", 60),
+        f"{SOLVE} --seeds {ALL_SEEDS} --method t1tl",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Timed:
+    """What a run printed of its time."""
+
+    run: Stored
+    frames: int
+    """Environment steps of a seed until success in training rose above 95 % and stayed, in every seed."""
+    seconds: int
+    """The same in seconds since the start of the program."""
+    compiling: float
+    """Seconds for the program of the run itself."""
+    whole: int | None
+    """Seconds of the whole process; None if it was cut."""
+
+
+def timed(folder: Path) -> Timed:
+    """Read a run; the last lines of their kind count, since a pre-training has some too."""
+    output = (folder / "output.txt").read_text(encoding="utf-8")
+    frames, seconds = SINCE.findall(output)[-1]
+    cut = "SIGTERM" in output
+    whole = None if cut or not WHOLE.search(output) else int(WHOLE.findall(output)[-1])
+    return Timed(Stored(folder), int(frames.replace(",", "")), int(seconds), float(COMPILED.findall(output)[-1]), whole)
+
+
+def runs_of(kind: Kind, results: Path) -> list[Timed]:
+    """All runs of a row that are stored, in the order of their seeds."""
+    start, several, _ = kind.folder.partition("SEED")
+    if not several:
+        return [timed(results / start)]
+    parent = (results / start).parent
+    found = [path for path in parent.iterdir() if re.fullmatch(re.escape(Path(start).name) + r"\d+", path.name)]
+    return sorted((timed(path) for path in found), key=lambda one: one.run.seeds[0])
+
+
+def until_solved(results: Path) -> str:
+    """Seconds and frames by run, and how many were within the aim."""
+    rows, shown = [], []
+    for kind in KINDS:
+        runs = runs_of(kind, results)
+        shown += [one.run for one in runs]
+        frames = [f"{edge(one.frames for one in runs) / 1e6:.2f}" for edge in (min, max)]
+        rows.append(
+            (
+                kind.title,
+                kind.hardware,
+                ", ".join(f"{_seeds(one.run)}: {one.seconds}" for one in runs),
+                f"{' to '.join(dict.fromkeys(frames))} M",
+                f"{kind.aim} s: {sum(one.seconds <= kind.aim for one in runs)} of {len(runs)}",
+                _span([one.compiling for one in runs]),
+                _span([one.whole for one in runs if one.whole is not None]),
+                f"`{kind.command}`",
+            )
+        )
+    heading = (
+        "what",
+        "hardware",
+        "seconds, by seed",
+        "frames",
+        "aim: runs within",
+        "compile",
+        "whole process",
+        "command",
+    )
+    return f"{table(heading, rows)}\n\n{made_by(shown)}"
+
+
+def _seeds(run: Stored) -> str:
+    first, last = run.seeds[0], run.seeds[-1]
+    return str(first) if first == last else f"{first} to {last}"
+
+
+def _span(seconds: list[float] | list[int]) -> str:
+    if not seconds:
+        return "-"
+    return f"{' to '.join(dict.fromkeys(f'{edge(seconds):.0f}' for edge in (min, max)))} s"
+
+
+def second_core(results: Path) -> str:
+    """Frames/s of the same seed on one device and on two."""
+    kinds = ("t1tl", "t2tl", "t1tl_closed_form")
+    rows = []
+    for title, suffix in (
+        ("one device", "_one_device"),
+        ("every core a device: the environments of the seed are shared out", ""),
+    ):
+        runs = [Stored(results / "zone_cpu" / f"{kind}_{FIRST_TUNING_SEED}{suffix}") for kind in kinds]
+        rows.append((title, *(f"{run.status['last_session']['frames_per_second_all_seeds']:,.0f}" for run in runs)))
+    return table(("devices", "T1TL, MJX", "T2TL, MJX", "T1TL, closed form"), rows)
+
+
+def environments(results: Path) -> str:
+    """Steps/s of environments, of every stored benchmark; a line that says so if there is none."""
+    parts = []
+    for measured in benchmarks(results):
+        settings = measured["config"]
+        rows = [
+            (
+                row["physics"],
+                f"{row['num_envs']:,}",
+                f"{row['steps_per_s']:,.0f} ({row['slowest']:,.0f}, {row['fastest']:,.0f})",
+                f"{row['compile_s']:.1f} s",
+            )
+            for row in measured["results"]
+        ]
+        what = f"{settings['env']}, {settings['layout']} map, `{settings['task']}`"
+        calls = f"median of {settings['repeats']} calls of {settings['steps']} steps, random actions"
+        parts += [
+            f"{what}: {calls}.",
+            table(("physics", "environments", "steps/s (minimum, maximum)", "compile"), rows),
+            origin([measured["where"]]),
+        ]
+    return "\n\n".join(parts) or "Not measured yet from a commit of this history."
+
+
+def benchmarks(results: Path) -> list[dict[str, Any]]:
+    """What `experiments.benchmarks.env --json` wrote."""
+    return [read_json(file) for file in sorted(results.glob("env_*.json"))]
+
+
+def short_table(results: Path) -> str:
+    """The same for the README: the spread over seeds that nothing was tuned on, and the largest batches."""
+    spans = {}
+    for kind in KINDS:
+        runs = [one for one in runs_of(kind, results) if one.run.seeds[0] < FIRST_TUNING_SEED]
+        seconds = sorted(one.seconds for one in runs)
+        count = f" ({len(runs)} runs)" if len(runs) > 1 else ""
+        spans[kind.title] = f"{_span(seconds)}{count}"
+    rows = [
+        ("T2TL, MJX, 1 seed: `zone_ppo`", "2 CPU cores", spans["T2TL, MJX"]),
+        ("T1TL, MJX, 1 seed: `--method t1tl --pretrained ''`", "2 CPU cores", spans["T1TL, MJX"]),
+        (
+            "T2TL / T1TL, MJX, 12 seeds, pre-training included",
+            "H200",
+            f"{spans['T2TL, MJX, 12 seeds']} / {spans['T1TL, MJX, 12 seeds']}",
+        ),
+        *largest(benchmarks(results)),
+    ]
+    return table(("what", "hardware", "figure"), rows)
+
+
+def largest(measured: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
+    """A row of the README for each benchmark of environments: steps/s of its largest batch, to three digits."""
+    rows = []
+    for one in measured:
+        count = max(row["num_envs"] for row in one["results"])
+        last: Mapping[str, Any] = {row["physics"]: row for row in one["results"] if row["num_envs"] == count}
+        name = {"zones": "ZoneEnv", "waterworld": "WaterWorld"}[one["config"]["env"]]
+        speeds = " / ".join(f"{_three_digits(row['steps_per_s']):,.0f}" for row in last.values())
+        hardware = ", ".join(sorted(set(one["where"]["devices"]))).replace("NVIDIA ", "")
+        rows.append((f"{name}, {count:,} environments, {' / '.join(last)}", hardware, f"{speeds} steps/s"))
+    return rows
+
+
+def _three_digits(value: float) -> float:
+    return float(f"{value:.3g}")

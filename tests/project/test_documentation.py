@@ -1,0 +1,124 @@
+"""The documentation's figures are those of the stored results: pages, parts of pages and pictures, made anew."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.reproduction import beside, parts, report, stored
+from experiments.reproduction.pictures import drawn, pictures
+from experiments.reproduction.runs import ZONE_METHODS
+from experiments.reproduction.stored import Stored
+from t2tl_jax.errors import UserError
+from t2tl_jax.evaluation import statistics
+
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "results"
+GENERATED = re.compile(r"<!-- reproduce: .*?<!-- end -->|^```.*?^```", re.M | re.S)
+FIGURE = re.compile(r"\[-?\d*\.\d+, -?\d*\.\d+\]|\d (?:frames|steps)/s|\d\d s\b|\d/12\b|p = 0|± \d")
+
+
+@pytest.fixture(scope="module")
+def wanted():
+    return report.documentation(ROOT)
+
+
+@pytest.fixture(scope="module")
+def pages(wanted):
+    return wanted.pages
+
+
+def test_pages_are_those_of_the_stored_results(pages):
+    """Written anew by ``python -m experiments.reproduce --report True``."""
+    assert set(pages) == {"docs/results.md", "docs/methods.md", "docs/speed.md", "README.md"}
+    for name, text in pages.items():
+        assert (ROOT / name).read_text(encoding="utf-8") == text, f"{name} is not what results/ says"
+
+
+def test_pictures_are_those_of_the_stored_results(wanted, pages):
+    """Each PNG holds a digest of the numbers that it shows; its pixels also depend on the version of matplotlib."""
+    there = {f"docs/{file.name}": drawn(file) for file in (ROOT / "docs").glob("*.png")}
+    assert there == {name: picture.digest() for name, picture in wanted.pictures.items()}
+    for picture in wanted.pictures.values():
+        assert f"]({picture.file})" in pages["docs/results.md"]
+    assert "](docs/zone_short_curves.png)" in pages["README.md"]
+
+
+@pytest.mark.parametrize(
+    "page", ["README.md", *(f"docs/{name}.md" for name in ("methods", "usage", "python", "speed"))]
+)
+def test_no_figure_stands_outside_of_what_is_generated(page):
+    """Intervals, seconds, speeds, seeds that solve something, tests: written by hand nobody would check them."""
+    assert FIGURE.findall(GENERATED.sub("", (ROOT / page).read_text(encoding="utf-8"))) == []
+
+
+def test_the_check_sees_figures():
+    by_hand = "0.769 [0.756, 0.782], 2,446 frames/s, 313 s, 12/12, p = 0.32, 0.91 ± 0.02"
+    assert len(FIGURE.findall(by_hand)) == 6 and FIGURE.findall(GENERATED.sub("", by_hand)) != []
+
+
+def test_other_numbers_make_another_picture_and_another_page(tmp_path):
+    shutil.copytree(RESULTS / beside.SHORT, tmp_path / beside.SHORT)
+    before, said = pictures({}, stored.load(tmp_path / beside.SHORT))["short"], beside.short_schedule(tmp_path)
+    before.draw(tmp_path / "x.png")
+    assert drawn(tmp_path / "x.png") == before.digest() == drawn(ROOT / "docs" / before.file)
+    metrics = tmp_path / beside.SHORT / "t2tl" / "metrics.csv"
+    header, *rows = metrics.read_text(encoding="utf-8").splitlines()
+    at = header.split(",").index("discounted_return")
+    cells = rows[-1].split(",")
+    cells[at] = str(float(cells[at]) - 0.5)
+    metrics.write_text("\n".join([header, *rows[:-1], ",".join(cells)]) + "\n", encoding="utf-8")
+    assert pictures({}, stored.load(tmp_path / beside.SHORT))["short"].digest() != before.digest()
+    assert beside.short_schedule(tmp_path) != said
+
+
+@pytest.mark.parametrize("name", ["t2tl", "t1tl", "t2tl_4"])
+def test_figures_of_the_short_schedule(name, pages):
+    """By hand from the metrics: since when success stayed above 95 % in half of the seeds and in all, and the end."""
+    run = Stored(RESULTS / beside.SHORT / name)
+    columns, since, ends = run.columns, [], []
+    for seed in run.seeds:
+        of_seed = columns["seed"] == seed
+        low = np.flatnonzero(np.nan_to_num(columns["success_rate"][of_seed]) <= 0.95)
+        since.append(columns["frames"][of_seed][low[-1] + 1] / 1e6)
+        last = slice(-round(0.05 * of_seed.sum()), None)
+        episodes = columns["episodes"][of_seed][last]
+        ends.append(np.average(columns["discounted_return"][of_seed][last], weights=episodes))
+    (row,) = re.findall(rf"^\| `{name}` .*$", pages["docs/results.md"], re.M)
+    assert f"| 12/12 | {np.median(since):.2f} M / {max(since):.2f} M | {statistics.mean(ends).text()} |" in row
+
+
+def test_the_table_of_methods_shows_stored_runs_and_dashes_for_others(pages):
+    runs = stored.load(RESULTS / "paper")
+    for method, cell in (("rm", -2), ("dfa", -2)):
+        (row,) = re.findall(rf"^\| `{method}` .*$", pages["README.md"], re.M)
+        rates = runs[f"water-{method}"].by_seed("success_rate")
+        assert row.split(" | ")[cell + 1].strip(" |") == f"{sum(rate > 0.95 for rate in rates.values())}/12"
+    measured = [name for name in ZONE_METHODS if f"zone-{name}" in runs]
+    for line in re.findall(r"^\| `.*$", pages["docs/methods.md"], re.M)[:8]:
+        name = line.split("`")[1]
+        assert (line.split(" | ")[5] == "-") == (name not in measured)
+
+
+def test_parts_are_replaced_between_their_markers():
+    page = "a\n<!-- reproduce: x -->\nold\n<!-- end -->\nb\n<!-- reproduce: y -->\n<!-- end -->\n"
+    new = parts.filled(page, {"x": "1\n2", "y": r"\1"}, "page")
+    assert new == page.replace("old", "1\n2").replace("y -->\n", "y -->\n\\1\n")
+    assert parts.filled(new, {"x": "1\n2", "y": r"\1"}, "page") == new
+
+
+@pytest.mark.parametrize(
+    ("page", "said"),
+    [
+        ("<!-- reproduce: x -->\nno end\n", "needs an '<!-- end -->'"),
+        ("<!-- reproduce: x -->\n<!-- reproduce: x -->\n<!-- end -->\n", "needs an '<!-- end -->'"),
+        ("<!-- reproduce: xx -->\n<!-- end -->\n", "did you mean 'x'"),
+        ("nothing\n", "needs one place '<!-- reproduce: x -->', it has 0"),
+        ("<!-- reproduce: x -->\n<!-- end -->\n" * 2, "it has 2"),
+    ],
+)
+def test_markers_that_cannot_be_filled_are_explained(page, said):
+    with pytest.raises(UserError, match=re.escape(said)):
+        parts.filled(page, {"x": "new"}, "page")
