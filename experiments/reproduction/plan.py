@@ -100,7 +100,7 @@ def _listed(seeds: Iterable[int]) -> str:
 
 
 def _quiet(config: RunConfig) -> RunConfig:
-    return replace(config, gif=False, progress=False)
+    return replace(config, gif=False, progress=False, checkpoint_period=600.0)  # most take less
 
 
 def _small(config: Config) -> Config:
