@@ -2,7 +2,7 @@
 
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from t2tl_jax.runs import config_files, params_file, train
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.metrics_file import area, ending, history, read_columns
+from t2tl_jax.runs.provenance import MOST_CHANGES
 from t2tl_jax.runs.result import Result
 
 LAST = 0.05
@@ -38,6 +39,10 @@ REPOSITORY = Path(__file__).parents[2]
 
 MOST_MEBIBYTES = 2
 """Size up to which a file of parameters is kept; in ZoneEnv all are smaller, in WaterWorld none is."""
+
+
+WRITTEN = ("results/", "docs/", "README.md")
+"""What `experiments.reproduce` writes into the repository, which no run depends on."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +130,20 @@ class Stored:
         return rate(sum(value > 0.95 for value in rates.values()), len(rates))
 
 
+def changes(session: Mapping[str, Any]) -> str:
+    """Why what a session made cannot be made again from its commit, by its versions; '' if it can.
+
+    What `experiments.reproduce` writes itself may differ from the commit: results that were kept before, and pages.
+    """
+    if not session.get("git_revision"):
+        return "its commit is not known"
+    changed = session.get("git_changed", [])
+    others = [path for path in changed if not path.startswith(WRITTEN)]
+    if not session.get("git_modified") or (changed and len(changed) < MOST_CHANGES and not others):
+        return ""
+    return f"its tree differed from commit {session['git_revision'][:7]} in {', '.join(others[:3]) or 'some files'}"
+
+
 def load(root: Path) -> dict[str, Stored]:
     """The finished runs in a folder, by name."""
     return {path.parent.name: Stored(path.parent) for path in sorted(root.glob("*/status.json"))}
@@ -153,11 +172,8 @@ def keep(
     """
     versions = read_json(RunFolder(source).versions)
     for session in (versions["started"], *versions.get("resumed", [])):
-        if not session.get("git_revision") or session.get("git_modified"):
-            raise UserError(
-                f"{name} was not made from a clean commit (revision {session.get('git_revision')}, modified: "
-                f"{session.get('git_modified')}); results that are kept need one"
-            )
+        if why := changes(session):
+            raise UserError(f"{name} was not made from a clean commit: {why}; results that are kept need one")
         _check_history(name, session["git_revision"], repository)
     result = train.load(source) if agent else None
     shutil.rmtree(target, ignore_errors=True)

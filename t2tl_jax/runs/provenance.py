@@ -27,12 +27,17 @@ PACKAGES = (
 )
 
 
+MOST_CHANGES = 100
+"""So many changed files are named."""
+
+
 def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Versions, revision, devices and command line as an object for JSON.
 
     Args:
         arguments: of the command line; by default those of this process.
     """
+    changed = _git("status", "--porcelain", "--untracked-files=no") or ""
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": list(sys.argv if arguments is None else arguments),
@@ -42,7 +47,8 @@ def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         "cpu_count": os.cpu_count(),
         "packages": {name: _version(name) for name in PACKAGES},
         "git_revision": _git("rev-parse", "HEAD"),
-        "git_modified": bool(_git("status", "--porcelain", "--untracked-files=no")),
+        "git_modified": bool(changed),
+        "git_changed": [line[2:].strip() for line in changed.splitlines()[:MOST_CHANGES]],
         "backend": jax.default_backend(),
         "devices": [device.device_kind for device in jax.devices()],
         "matmul_precision": jax.config.jax_default_matmul_precision,  # type: ignore[attr-defined]  # jax 0.9

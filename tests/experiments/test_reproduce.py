@@ -253,7 +253,20 @@ def made_from(path, revision, modified=False, **more):
     (path / "versions.json").write_text(json.dumps({"started": versions | more}))
 
 
-@pytest.mark.parametrize("versions", [{"git_revision": None}, {"git_revision": "abc", "git_modified": True}])
+def modified(*paths):
+    return {"git_revision": "abc", "git_modified": True, "git_changed": list(paths)}
+
+
+def test_what_reproduce_writes_itself_may_differ_from_the_commit():
+    assert stored.changes({"git_revision": "abc", "git_modified": False}) == ""
+    assert stored.changes(modified("results/paper/a/config.json", "README.md", "docs/results.md")) == ""
+    assert "in t2tl_jax/flags.py" in stored.changes(modified("results/paper/a/config.json", "t2tl_jax/flags.py"))
+    assert "in some files" in stored.changes(modified(*(f"results/{k}" for k in range(100))))  # and perhaps more
+
+
+@pytest.mark.parametrize(
+    "versions", [{"git_revision": None}, {"git_revision": "abc", "git_modified": True}, modified("envs/__init__.py")]
+)
 def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, versions):
     clean = json.loads((source / "versions.json").read_text())["started"]
     for sessions in ({"started": versions}, {"started": clean, "resumed": [versions]}):

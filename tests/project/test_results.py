@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from experiments.reproduction.stored import changes
+
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
 RUNS = sorted({path.parent for path in RESULTS.rglob("*") if path.is_file() and path.parent != RESULTS})
@@ -37,7 +39,7 @@ def test_every_run_has_its_versions():
 
 
 def test_everything_was_made_from_a_tree_without_changes():
-    assert [path for path, made in sessions() if not made["git_revision"] or made["git_modified"]] == []
+    assert {str(path): changes(made) for path, made in sessions() if changes(made)} == {}
 
 
 def test_the_commits_are_of_this_history():
