@@ -41,7 +41,7 @@ def differences(
         for name in runs
         if name in values
     }
-    found = compare(known, {name: worlds(run.config, tuple(run.seeds)) for name, run in runs.items()}, pairs)
+    found = compare(known, {name: worlds(runs[name].config, tuple(runs[name].seeds)) for name in known}, pairs)
     rows = []
     for (first, second), each in found.items():
         claimed = (first, second) in claims

@@ -47,10 +47,16 @@ def page(
             parts.append(SMOKE)
         section = item.section(there) if there or not item.runs else ""
         if section:
-            parts += [section, (pictures or {}).get(name, ""), made_by(list(there.values()))]
+            parts += [fitting(section), (pictures or {}).get(name, ""), made_by(list(there.values()))]
         if missing:
             parts.append(paragraph(f"Not measured yet: {', '.join(missing)}."))
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def fitting(text: str) -> str:
+    """A text whose long lines are broken, but for tables, commands and pictures."""
+    lines = text.splitlines()
+    return "\n".join(line if line.startswith(("|", "    ", "!")) else paragraph(line) for line in lines)
 
 
 def paragraph(text: str) -> str:

@@ -136,7 +136,7 @@ def compare(
 ) -> dict[tuple[str, str], Difference]:
     """Runs against each other, corrected for the number of comparisons: Bonferroni's intervals and Holm's p-values.
 
-    Two runs are compared in pairs where they have the same seeds, and seed k stands for the same world in both.
+    Where seed k stands for the same world in two runs, they are compared in pairs, on the seeds that both have.
 
     Args:
         runs: by name, in the order that is claimed: the first one the best.
@@ -157,9 +157,11 @@ def compare(
     for first, second in known:
         a, b = runs[first], runs[second]
         world = same_worlds.get(first)
-        paired = world is not None and world == same_worlds.get(second) and set(a) == set(b)
-        of_second = [b[seed] for seed in a] if paired else list(b.values())
-        found[first, second] = difference(list(a.values()), of_second, paired, level)
+        both = [seed for seed in a if seed in b]
+        paired = world is not None and world == same_worlds.get(second) and len(both) > 1
+        if paired:
+            a, b = ({seed: each[seed] for seed in both} for each in (a, b))
+        found[first, second] = difference(list(a.values()), list(b.values()), paired, level)
     missing = [1.0] * (count - len(known))  # the mildest that can be assumed of them
     corrected = holm([*(each.pvalue for each in found.values()), *missing])[: len(known)]
     return {names: replace(each, pvalue=float(p)) for (names, each), p in zip(found.items(), corrected, strict=True)}

@@ -84,8 +84,9 @@ def test_comparisons_are_corrected_for_their_number():
 def test_pairs_go_by_the_number_of_the_seed():
     first, second = {3: 1.0, 5: 2.0, 7: 4.0}, {7: 3.9, 3: 0.7, 5: 2.0}
     assert compare({"a": first, "b": second}, {"a": 1, "b": 1})["a", "b"].gap.value == pytest.approx(0.4 / 3)
-    other = compare({"a": first, "b": {3: 0.9, 5: 1.9, 8: 3.9}}, {"a": 1, "b": 1})["a", "b"]
-    assert not other.paired
+    fewer = compare({"a": first, "b": {3: 0.9, 5: 1.9, 8: 3.9}}, {"a": 1, "b": 1})["a", "b"]
+    assert fewer.paired and fewer.gap.value == pytest.approx(0.1)  # of seeds 3 and 5
+    assert not compare({"a": first, "b": {3: 0.9, 6: 1.9, 8: 3.9}}, {"a": 1, "b": 1})["a", "b"].paired
 
 
 @pytest.mark.parametrize(
