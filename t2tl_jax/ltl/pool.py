@@ -10,11 +10,11 @@ import jax
 import numpy as np
 
 from t2tl_jax.ltl import tokens as vocabulary
-from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, check_cells, letter_weights
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, check_cells, every_letter, letter_weights
 from t2tl_jax.ltl.compiler.automaton import Automaton, build
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import TooLargeError
-from t2tl_jax.ltl.families import make_sampler
+from t2tl_jax.ltl.families import TaskFamily, make_sampler
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.languages import Language, languages
 from t2tl_jax.ltl.table import TaskTable
@@ -24,7 +24,7 @@ DRAWS_PER_TASK = 50
 
 
 def compile_pool(
-    family: str,
+    family: str | TaskFamily,
     propositions: Sequence[str],
     alphabet: str,
     seed: str | int,
@@ -47,7 +47,7 @@ def compile_pool(
     with more states than there are rows left. The caps therefore shorten the tail of a family.
 
     Args:
-        family: such as `Until_1_2_1_1`, see `make_sampler`.
+        family: such as `Until_1_2_1_1`, see `make_sampler`; or one that is data.
         propositions: the environment's propositions, in its order.
         alphabet: as in `compile_tasks`.
         seed: equal arguments give equal tables.
@@ -64,7 +64,7 @@ def compile_pool(
         TooLargeError: when too few of the formulas drawn fit into `rows` and `length`, or differ from each other.
     """
     names = tuple(propositions)
-    draw, rng = make_sampler(family, names), random.Random(f"{family} {seed}")
+    draw, rng = make_sampler(family, names), random.Random(f"{family if isinstance(family, str) else repr(family)} {seed}")
     builder = _Builder(names, alphabet, rows, length, progression, frozenset(unlike), frozenset(without))
     for _ in range(DRAWS_PER_TASK * size):
         if len(builder.initial_row) == size:
@@ -137,7 +137,7 @@ class _Builder:
     def _is_kept_out(self, automaton: Automaton, start: int) -> bool:
         if not (self.unlike or self.without):
             return False
-        next_row = automaton.next_row[:, self._columns(automaton.letter_weights)]
+        next_row = automaton.next_row[:, every_letter(automaton.letter_weights, self.alphabet)]
         open_rows = range(2, len(automaton.tokens))
         found = languages(next_row, automaton.verdict, open_rows)
         return found[start - 2] in self.unlike or not self.without.isdisjoint(found)
@@ -148,20 +148,13 @@ class _Builder:
             self.used += 1
         # Equal formulas have equal futures, so rows that were there already stay as they are.
         new_row = np.array([0, 1, *(self.row_of[tokens] for tokens in automaton.tokens[2:])], np.int32)
-        columns = self._columns(automaton.letter_weights)
+        columns = every_letter(automaton.letter_weights, self.alphabet)
         for row in fresh:
             target = new_row[row]
             self.tokens[target] = 0
             self.tokens[target, : len(automaton.tokens[row])] = automaton.tokens[row]
             self.next_row[target] = new_row[automaton.next_row[row, columns]]
             self.verdict[target] = 0
-
-    def _columns(self, weights: np.ndarray) -> np.ndarray:
-        """Per letter of the pool, the letter of a formula's own automaton: int `[letters]`."""
-        if self.alphabet == AT_MOST_ONE:
-            return np.concatenate([[0], weights])
-        letters = np.arange(self.next_row.shape[1])[:, None]
-        return (letters >> np.arange(len(self.names)) & 1) @ weights
 
     def table(self) -> TaskTable:
         arrays = {
