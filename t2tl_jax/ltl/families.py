@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
+from t2tl_jax.ltl.benchmark_tasks import BENCHMARK_TASKS
 from t2tl_jax.ltl.errors import LTLError, UnknownTaskError, nearest
 from t2tl_jax.ltl.formula import Formula, eventually, prop, quote, until
 
@@ -131,8 +132,8 @@ def name_family(name: str, family: TaskFamily) -> None:
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or quote(name) != name or name.split("_")[0] in _RESERVED:
         raise LTLError(
-            f"settings of a family cannot be called {name!r}: such a name is small letters, digits and underscores, and "
-            "no word that formulas reserve"
+            f"settings of a family cannot be called {name!r}: such a name has small letters, digits and underscores, "
+            "and is no word that formulas reserve"
         )
     if _NAMED.get(name, family) != family:
         raise LTLError(f'"{name}" is the family {_NAMED[name]!r}; choose another name for {family!r}')
@@ -154,7 +155,7 @@ def is_family(text: str | TaskFamily, propositions: Sequence[str] = ()) -> bool:
     if isinstance(text, TaskFamily):
         return True
     word = text.strip()
-    if word in propositions or not word.isidentifier():
+    if word in propositions or word in BENCHMARK_TASKS or not word.isidentifier():
         return False
     if word.split("_OR_")[0] in _NAMED:
         return True

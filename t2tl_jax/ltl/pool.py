@@ -64,7 +64,8 @@ def compile_pool(
         TooLargeError: when too few of the formulas drawn fit into `rows` and `length`, or differ from each other.
     """
     names = tuple(propositions)
-    draw, rng = make_sampler(family, names), random.Random(f"{family if isinstance(family, str) else repr(family)} {seed}")
+    draw = make_sampler(family, names)
+    rng = random.Random(f"{family if isinstance(family, str) else repr(family)} {seed}")
     builder = _Builder(names, alphabet, rows, length, progression, frozenset(unlike), frozenset(without))
     for _ in range(DRAWS_PER_TASK * size):
         if len(builder.initial_row) == size:

@@ -5,7 +5,7 @@ change places that play the same part as far as one can see by counting, and non
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import combinations, groupby, product
+from itertools import groupby, product
 from math import factorial, prod
 
 import numpy as np
@@ -57,7 +57,9 @@ def _renamed(following: np.ndarray, ends: np.ndarray, alphabet: str) -> Language
     following = following[:, _columns(used, alphabet)]
     parts = _parts(following, ends, len(used), alphabet)
     alike = [_alike(following, ends, part, len(used), alphabet) for part in parts]
-    tried = prod(factorial(sum(map(len, groups))) // prod(factorial(len(group)) for group in groups) for groups in alike)
+    tried = prod(
+        factorial(sum(map(len, groups))) // prod(factorial(len(group)) for group in groups) for groups in alike
+    )
     if tried > MAX_ORDERS:
         raise TooLargeError(
             f"{tried:,} orders of {len(used)} propositions would have to be compared; the limit is {MAX_ORDERS:,} "

@@ -53,10 +53,10 @@ def row_languages(
     *,
     renamed: bool = True,
 ) -> list[Language]:
-    """The languages of all open rows of some formulas, each of them with what it can become.
+    """The languages of all open rows of some formulas, of what they can become too; each row once.
 
     Args:
-        formulas: the tasks; rows that several of them share may come more than once.
+        formulas: the tasks.
         propositions: the environment's propositions, in its order.
         alphabet: as in `compile_tasks`.
         renamed: whether rows that differ in the names of propositions only have equal languages.
@@ -64,17 +64,19 @@ def row_languages(
     Raises:
         LTLError: as the formulas deserve.
     """
-    found: list[Language] = []
+    found: dict[Language, Language] = {}
     names, formulas = tuple(propositions), iter(formulas)
     while some := list(islice(formulas, _AT_ONCE)):
         automaton = build(some, names, alphabet, max_rows=_ROWS_AT_ONCE)
         next_row = automaton.next_row[:, every_letter(automaton.letter_weights, alphabet)]
-        rows = range(2, len(next_row))
+        exact = languages(next_row, automaton.verdict, range(2, len(next_row)))
+        new = {language: row for row, language in enumerate(exact, 2) if language not in found}
         if renamed:
-            found += renaming.classes(next_row, automaton.verdict, rows, alphabet)
+            codes = renaming.classes(next_row, automaton.verdict, new.values(), alphabet)
+            found.update(zip(new, codes, strict=True))
         else:
-            found += languages(next_row, automaton.verdict, rows)
-    return found
+            found.update(zip(new, new, strict=True))
+    return list(found.values())
 
 
 def tasks_of(family: str | TaskFamily, propositions: Sequence[str], draws: int = DRAWS) -> list[Formula]:

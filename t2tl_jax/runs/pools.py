@@ -77,8 +77,9 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     if is_family(config.task, env.propositions):
         return Pools(config, env).evaluation
     length = config.task_length or None
-    table = compile_named(config.task, env.propositions, env.alphabet, length=length, progression=config.progression)
-    _check_open(config.task, table)
+    task = str(config.task)
+    table = compile_named(task, env.propositions, env.alphabet, length=length, progression=config.progression)
+    _check_open(task, table)
     return table
 
 
@@ -107,7 +108,7 @@ def _check_open(task: str, table: TaskTable) -> None:
 
 def _pool(config: Config, env: LabelledEnv, which: str, **kept_out: Any) -> TaskTable:
     reader = config.learner.task_encoder
-    if reader is not None and not reader.learned:
+    if reader is not None and not reader.carries_over:
         raise ValueError(
             f"{config.task} is a family of random tasks, and a one-hot code says nothing about a task that was not "
             "seen before; use a task encoder that reads formulas, such as transformer"
@@ -117,7 +118,7 @@ def _pool(config: Config, env: LabelledEnv, which: str, **kept_out: Any) -> Task
     pool = config.pool
     try:
         return compile_pool(
-            config.task.strip(),
+            config.task.strip() if isinstance(config.task, str) else config.task,
             env.propositions,
             env.alphabet,
             f"{pool.seed} {which}",
