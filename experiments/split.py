@@ -15,6 +15,7 @@ from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import Formula, TaskFamily, is_family, resolve_tasks, row_languages, share, tasks_of
 from t2tl_jax.ltl.benchmark_tasks import COLOURS
 from t2tl_jax.ltl.split import DRAWS
+from t2tl_jax.quiet import quiet_imports
 from t2tl_jax.runs.config import Task
 
 PROG = "python -m experiments.split"
@@ -49,9 +50,10 @@ def command(arguments: list[str]) -> int:
     Raises:
         UserError: for input that cannot be used.
     """
-    from experiments.cli.plugins import import_modules
-    from experiments.cli.request import with_parts
-    from t2tl_jax.flags import parse
+    with quiet_imports():  # loading the environments takes seconds
+        from experiments.cli.plugins import import_modules
+        from experiments.cli.request import with_parts
+        from t2tl_jax.flags import parse
 
     chosen, rest = with_parts(Arguments(), import_modules(arguments))
     with explained():

@@ -107,7 +107,7 @@ class Registry(Generic[T]):
 
 ENVS: Registry = Registry("environment", "register_env")
 TASK_ENCODERS: Registry = Registry("task encoder", "register_task_encoder")
-TASK_FAMILIES: Registry = Registry("family of tasks", "register_task_family")
+TASK_FAMILIES: Registry = Registry("task sampler", "register_task_family")
 CONTEXT_READERS: Registry = Registry("context reader", "register_context_reader")
 AGENTS: Registry = Registry("learner", "register_agent")
 
