@@ -45,7 +45,9 @@ _ZONES = {
     "g4": "F(Blue & (!Yellow U (Green & F(Yellow & (!(Magenta | Green) U Blue)))))",
     "long": "(Green -> F(Yellow & F(Magenta & F Blue))) U ((Blue & F Magenta) & (!Yellow U Green))",
     "j8": "!(Green | Magenta | Yellow) U (Blue & F(Yellow & (!Blue U Green)))",
-    "j10": "F((Blue | Green) & ((Blue -> (!Yellow U (Magenta & F Green))) & (Green -> (!Magenta U (Yellow & F Blue)))))",
+    "j10": (
+        "F((Blue | Green) & ((Blue -> (!Yellow U (Magenta & F Green))) & (Green -> (!Magenta U (Yellow & F Blue)))))"
+    ),
     "s7": "F(Yellow | Magenta | Blue) & (!Yellow U Green)",
     "s8": "F Magenta & F Green & F Yellow & F Blue",
     # Which chains were used is not published; ours go round three colours, and round all four.

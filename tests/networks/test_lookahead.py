@@ -30,7 +30,7 @@ def look(config: LookaheadConfig, table: TaskTable) -> np.ndarray:
 def slow_code(table: TaskTable, row: int, config: LookaheadConfig) -> list[float]:
     """The same code, step by step, from the automaton in plain Python."""
     automaton = table.automaton()
-    rows, letters = automaton.next_row.shape
+    letters = automaton.next_row.shape[1]
 
     def distance(start: int) -> float:
         front, seen, steps = {start}, {start}, 0
