@@ -188,7 +188,7 @@ def make_sampler(name: str | TaskFamily, propositions: Sequence[str]) -> Sampler
         return lambda rng: left(rng) | right(rng)
     family = _FAMILIES.get(name.split("_")[0])
     if family is None:
-        known = ", ".join([*(each.shape for each in _FAMILIES.values()), _JOINED, *_NAMED])
+        known = ", ".join([*_NAMED, *(each.shape for each in _FAMILIES.values()), _JOINED])
         examples = [*(each.example for each in _FAMILIES.values()), *_NAMED]
         raise UnknownTaskError(f'unknown task family "{name}"; known: {known}{nearest(name, examples)}')
     numbers = _numbers(family, name)

@@ -9,6 +9,7 @@ from collections.abc import Collection, Sequence
 import jax
 import numpy as np
 
+from t2tl_jax.ltl import renaming
 from t2tl_jax.ltl import tokens as vocabulary
 from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, check_cells, every_letter, letter_weights
 from t2tl_jax.ltl.compiler.automaton import Automaton, build
@@ -36,6 +37,7 @@ def compile_pool(
     least: int | None = None,
     unlike: Collection[Language] = (),
     without: Collection[Language] = (),
+    held_out: Collection[Language] = (),
 ) -> TaskTable:
     """Draw `size` different formulas of a family and compile them to one table, on the host.
 
@@ -58,6 +60,7 @@ def compile_pool(
         least: so few formulas will do where more cannot be found; by default `size`.
         unlike: no formula means one of these.
         without: nor does one mean or become one of these.
+        held_out: nor one of these, under whatever names of propositions; classes of `renaming`.
 
     Raises:
         UnknownTaskError, LTLError: for a family that does not exist or needs more propositions.
@@ -66,7 +69,9 @@ def compile_pool(
     names = tuple(propositions)
     draw = make_sampler(family, names)
     rng = random.Random(f"{family if isinstance(family, str) else repr(family)} {seed}")
-    builder = _Builder(names, alphabet, rows, length, progression, frozenset(unlike), frozenset(without))
+    builder = _Builder(
+        names, alphabet, rows, length, progression, frozenset(unlike), frozenset(without), frozenset(held_out)
+    )
     for _ in range(DRAWS_PER_TASK * size):
         if len(builder.initial_row) == size:
             return builder.table()
@@ -93,8 +98,9 @@ class _Builder:
         progression: str,
         unlike: frozenset[Language],
         without: frozenset[Language],
+        held_out: frozenset[Language],
     ) -> None:
-        self.unlike, self.without = unlike, without
+        self.unlike, self.without, self.held_out = unlike, without, held_out
         everything = list(range(len(names)))
         check_cells(rows, len(names), alphabet)
         self.names, self.alphabet, self.rows, self.length = names, alphabet, rows, length
@@ -136,11 +142,15 @@ class _Builder:
             self.initial_row.append(self.row_of[automaton.tokens[start]])
 
     def _is_kept_out(self, automaton: Automaton, start: int) -> bool:
-        if not (self.unlike or self.without):
+        if not (self.unlike or self.without or self.held_out):
             return False
         next_row = automaton.next_row[:, every_letter(automaton.letter_weights, self.alphabet)]
         open_rows = range(2, len(automaton.tokens))
         found = languages(next_row, automaton.verdict, open_rows)
+        if self.held_out:
+            renamed = renaming.classes(next_row, automaton.verdict, open_rows, self.alphabet)
+            if not self.held_out.isdisjoint(renamed):
+                return True
         return found[start - 2] in self.unlike or not self.without.isdisjoint(found)
 
     def _take(self, automaton: Automaton, fresh: list[int]) -> None:

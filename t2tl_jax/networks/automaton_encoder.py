@@ -71,7 +71,7 @@ class AutomatonTaskEncoder(nn.Module):
         letter = nn.Dense(config.width, use_bias=False, kernel_init=unit_norm(), name="letter")(
             labels.astype(jnp.float32)
         )
-        stay = nn.Dense(config.width, use_bias=False, kernel_init=unit_norm(), name="stay")(stays)  # or leads elsewhere
+        stay = nn.Dense(config.width, use_bias=False, kernel_init=unit_norm(), name="stay")(stays)
         heard = nn.Dense(config.width, use_bias=False, kernel_init=unit_norm(), name="heard")
         update = nn.Dense(config.width, kernel_init=unit_norm(), name="update")
         h = jnp.tanh(start)

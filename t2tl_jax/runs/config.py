@@ -95,6 +95,9 @@ class PoolConfig:
     """Tokens of a row. Formulas that do not fit are drawn again."""
     seed: Count = 0
     """Which formulas are drawn. The pool for evaluation is another one in any case."""
+    held_out: str = ""
+    """Tasks by name or formula, apart by commas, that training is not to meet: no formula is drawn that has an open row
+    in common with one of them, under whatever names of propositions. '' for none."""
 
     def __post_init__(self) -> None:
         checks.counts(self, "size", "period", "length")

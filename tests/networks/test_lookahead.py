@@ -156,6 +156,5 @@ def test_it_may_stand_in_a_loss():
     """Nothing in it is to be learned, whatever the loop inside."""
     table, encoder = table_of("F Blue"), make_task_encoder(CONFIG)
     slope = jax.jit(jax.grad(lambda weight: (weight * encoder.apply({}, table)).sum()))(jnp.float32(2.0))
-    assert slope == look(CONFIG, table).sum() and not jax.tree.leaves(
-        jax.eval_shape(encoder.init, jax.random.key(0), table)
-    )
+    assert slope == look(CONFIG, table).sum()
+    assert not jax.tree.leaves(jax.eval_shape(encoder.init, jax.random.key(0), table))
