@@ -17,8 +17,8 @@ from t2tl_jax import registry
 from t2tl_jax.errors import UserError
 from t2tl_jax.flags import _fields
 from t2tl_jax.ltl import compile_tasks
-from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.runs.config import Task
+from t2tl_jax.task_env import TaskEnv
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
