@@ -82,7 +82,7 @@ def _read(arguments: Arguments) -> None:
 
     folder, config = run_folder.open_existing(arguments.run)
     kind = config.learner.task_encoder
-    if kind is None or not kind.learned:
+    if kind is None or not kind.reads_tokens:
         raise UserError(_no_tokens(kind))
     compilation_cache.use(config.run.compilation_cache)
     changes: dict[str, Any] = {} if arguments.task is None else {"task": arguments.task}
@@ -122,7 +122,7 @@ def _read(arguments: Arguments) -> None:
         "end": f"{arguments.which}, iteration {result.iteration:,}",
     }
     what = {
-        "task": config.task,
+        "task": str(config.task),
         "row": row,
         "formula": table.text(row),
         "seed": seed,
@@ -215,7 +215,7 @@ def _no_tokens(kind: Any) -> str:
     from t2tl_jax.registry import configs
 
     readers = {name: config.learner.task_encoder for name, (config, _) in configs().items()}
-    able = [name for name, reader in readers.items() if reader is not None and reader.learned]
+    able = [name for name, reader in readers.items() if reader is not None and reader.reads_tokens]
     return (
         f"this run encodes its task by {type(kind).__name__}, which reads no tokens, so there is nothing to attend "
         f"to or to take away. Configurations that read formulas: {', '.join(able)}"

@@ -84,7 +84,7 @@ def _evaluate(arguments: Arguments) -> None:
     shown = settings(arguments.which)
     print("  ".join(f"{name}: {value}" for name, value in shown.items()), flush=True)
     reader = stored.learner.task_encoder
-    if result.config.task != stored.task and reader is not None and not reader.learned:
+    if result.config.task != stored.task and reader is not None and not reader.carries_over:
         print("note: a one-hot code does not carry over to another task; its rows now mean other sub-tasks")
     params = {which: result.params[which] for which in chosen}
     reports = evaluations.evaluate_policies(result.experiment, params, arguments.episodes, length)

@@ -107,6 +107,7 @@ class Registry(Generic[T]):
 
 ENVS: Registry = Registry("environment", "register_env")
 TASK_ENCODERS: Registry = Registry("task encoder", "register_task_encoder")
+TASK_FAMILIES: Registry = Registry("task sampler", "register_task_family")
 CONTEXT_READERS: Registry = Registry("context reader", "register_context_reader")
 AGENTS: Registry = Registry("learner", "register_agent")
 
@@ -145,6 +146,19 @@ def register_task_encoder(name: str, config: type, make: Callable[..., Any]) -> 
         ValueError: if the name or the class is taken.
     """
     TASK_ENCODERS.register(name, config, make)
+
+
+def register_task_family(name: str, config: type) -> None:
+    """Register a kind of families of tasks that are data.
+
+    Args:
+        name: what stored configurations and ``--task NAME`` call it.
+        config: a frozen dataclass derived from `t2tl_jax.ltl.TaskFamily`, which draws tasks by itself.
+
+    Raises:
+        ValueError: if the name or the class is taken.
+    """
+    TASK_FAMILIES.register(name, config, lambda family: family)
 
 
 def register_context_reader(name: str, config: type, make: Callable[..., Any]) -> None:

@@ -14,6 +14,7 @@ from experiments.cli.plugins import import_modules
 from experiments.methods import METHODS, apply
 from t2tl_jax.errors import UserError, explained, unknown
 from t2tl_jax.flags import HELP, parse
+from t2tl_jax.ltl import TaskFamily, named_families
 from t2tl_jax.registry import configs, named_config
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.config_files import REGISTRIES
@@ -29,6 +30,7 @@ DESCRIPTION = """Train an agent on a temporal-logic task.
   --import MODULE a module of your own that registers environments, learners, task encoders or configurations
   --PART KIND     another kind of environment (--env), learner (--learner) or task encoder
                   (--learner.network.task-encoder), with its defaults
+  --task KIND     tasks of a family that is data, such as chains; --task.FIELD then sets its fields
   --PART None     leave out an optional part that the configuration has, such as --learner.network.context
 
 Examples:
@@ -147,9 +149,12 @@ def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[A
     hints = typing.get_type_hints(type(config))
     for field in dataclasses.fields(config):
         value, flag = getattr(config, field.name), prefix + field.name.replace("_", "-")
+        place, word = _find(arguments, flag)
+        if word is not None and hints[field.name] == str | TaskFamily:
+            value, arguments = named_families().get(word, word), _without(arguments, place)
+            changes[field.name] = value
         if not dataclasses.is_dataclass(value):
             continue
-        place, word = _find(arguments, flag)
         if word is not None and hints[field.name] in REGISTRIES:
             value, arguments = REGISTRIES[hints[field.name]].config_class(word)(), _without(arguments, place)
         elif word == "None" and type(None) in get_args(hints[field.name]):

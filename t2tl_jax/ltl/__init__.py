@@ -1,8 +1,8 @@
 """Tasks as co-safe linear temporal logic or as reward machines: from text to the task table.
 
 `parser` and `reward_machine` read text (the first into a `formula`), `compiler` makes an automaton of that, and `table`
-writes it as arrays. `tasks` and `families` name tasks, `pool` makes tables of random ones, and `describe` puts automata
-into words.
+writes it as arrays. `tasks` and `families` name tasks, `family_trees` and `curriculum` hold random ones as data, `pool`
+makes tables of them, `split` says what a test shares with a training, and `describe` puts automata into words.
 
 Everything up to the table is plain Python; JAX is imported only when `TaskTable` or a function that compiles one is
 first used.
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from t2tl_jax.ltl.compiler.alphabet import ALPHABETS, AT_MOST_ONE, EVERY_SUBSET
 from t2tl_jax.ltl.compiler.automaton import Automaton
 from t2tl_jax.ltl.compiler.normal_form import negation_normal_form
+from t2tl_jax.ltl.curriculum import DEEPLTL_ZONES, Curriculum, Stage
 from t2tl_jax.ltl.errors import (
     LTLError,
     LTLSyntaxError,
@@ -22,12 +23,23 @@ from t2tl_jax.ltl.errors import (
     UnknownPropositionError,
     UnknownTaskError,
 )
-from t2tl_jax.ltl.families import is_family, make_sampler, register_family, sample
+from t2tl_jax.ltl.families import (
+    TaskFamily,
+    is_family,
+    make_sampler,
+    name_family,
+    named_families,
+    register_family,
+    sample,
+)
+from t2tl_jax.ltl.family_trees import Chains, Conjunction, Disjunction, Listed, Mixture, Named
 from t2tl_jax.ltl.formula import FALSE, TRUE, Formula, eventually, from_tuple, next_, prop, until
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.progression import progress
 from t2tl_jax.ltl.reward_machine import RewardMachine, Transition, parse_machine
+from t2tl_jax.ltl.split import Share, row_languages, share, tasks_of
 from t2tl_jax.ltl.tasks import (
+    NAMED_TASKS,
     PAPER_TASKS,
     REWARD_MACHINES,
     WATER_PROPOSITIONS,
@@ -37,6 +49,7 @@ from t2tl_jax.ltl.tasks import (
     read_machine,
     resolve,
     resolve_task,
+    resolve_tasks,
 )
 from t2tl_jax.ltl.tokens import vocabulary_size
 
@@ -47,20 +60,32 @@ if TYPE_CHECKING:
 __all__ = [
     "ALPHABETS",
     "AT_MOST_ONE",
+    "DEEPLTL_ZONES",
     "EVERY_SUBSET",
     "FALSE",
+    "NAMED_TASKS",
     "PAPER_TASKS",
     "REWARD_MACHINES",
     "TRUE",
     "WATER_PROPOSITIONS",
     "ZONE_PROPOSITIONS",
     "Automaton",
+    "Chains",
+    "Conjunction",
+    "Curriculum",
+    "Disjunction",
     "Formula",
     "LTLError",
     "LTLSyntaxError",
+    "Listed",
     "MachineSyntaxError",
+    "Mixture",
+    "Named",
     "NotCoSafeError",
     "RewardMachine",
+    "Share",
+    "Stage",
+    "TaskFamily",
     "TaskTable",
     "TooLargeError",
     "Transition",
@@ -74,6 +99,8 @@ __all__ = [
     "from_tuple",
     "is_family",
     "make_sampler",
+    "name_family",
+    "named_families",
     "named_machines",
     "named_task",
     "negation_normal_form",
@@ -86,7 +113,11 @@ __all__ = [
     "register_family",
     "resolve",
     "resolve_task",
+    "resolve_tasks",
+    "row_languages",
     "sample",
+    "share",
+    "tasks_of",
     "until",
     "vocabulary_size",
 ]

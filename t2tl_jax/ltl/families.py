@@ -1,11 +1,16 @@
-"""Random families of tasks by name: a registry, and the families of LTL2Action with their names and distributions."""
+"""Random families of tasks: what one is, a registry of functions, and LTL2Action's with their names and distributions.
+
+A family is a function under a name (`register_family`), or data: a `TaskFamily`, which a configuration holds and a file
+stores. The data families of the project are in `family_trees`.
+"""
 
 import random
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
+from t2tl_jax.ltl.benchmark_tasks import BENCHMARK_TASKS
 from t2tl_jax.ltl.errors import LTLError, UnknownTaskError, nearest
 from t2tl_jax.ltl.formula import Formula, eventually, prop, quote, until
 
@@ -15,6 +20,32 @@ Sampler = Callable[[random.Random], Formula]
 Draw = Callable[..., Formula]
 """Draws one task of a family from (`random.Random`, the propositions, the family's whole numbers in their order)."""
 
+
+@dataclass(frozen=True)
+class TaskFamily:
+    """Base class of families that are data: frozen dataclasses whose fields say what is drawn.
+
+    `register_task_family` gives a subclass the name that files and the command line call it.
+    """
+
+    def least(self) -> int:
+        """How many propositions `draw` needs."""
+        raise NotImplementedError
+
+    def draw(self, rng: random.Random, names: Sequence[str]) -> Formula:
+        """Draw one task; all randomness comes from `rng`."""
+        raise NotImplementedError
+
+    def every(self, names: Sequence[str]) -> Iterator[Formula] | None:
+        """Every task of the family, some maybe in several words; None for a family that can only be drawn from."""
+        return None
+
+    def __str__(self) -> str:
+        """The name under which these settings are known, or the dataclass as Python writes it."""
+        return next((name for name, family in _NAMED.items() if family == self), repr(self))
+
+
+_NAMED: dict[str, TaskFamily] = {}
 _JOINED = "X_OR_Y"
 _RESERVED = {"OR": "joins two families", "phi": "begins the names of formulas", "rm": "begins those of reward machines"}
 
@@ -89,41 +120,76 @@ def register_family(
     _FAMILIES[name] = family
 
 
-def sample(name: str, propositions: Sequence[str], seed: int) -> Formula:
+def name_family(name: str, family: TaskFamily) -> None:
+    """Give settings of a family a name that every place takes which takes the name of a family.
+
+    Args:
+        name: an identifier without capitals.
+        family: the settings.
+
+    Raises:
+        LTLError: for a name that cannot be used or belongs to other settings.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or quote(name) != name or name.split("_")[0] in _RESERVED:
+        raise LTLError(
+            f"settings of a family cannot be called {name!r}: such a name has small letters, digits and underscores, "
+            "and is no word that formulas reserve"
+        )
+    if _NAMED.get(name, family) != family:
+        raise LTLError(f'"{name}" is the family {_NAMED[name]!r}; choose another name for {family!r}')
+    _NAMED[name] = family
+
+
+def named_families() -> dict[str, TaskFamily]:
+    """The families that are data and have a name."""
+    return dict(_NAMED)
+
+
+def sample(name: str | TaskFamily, propositions: Sequence[str], seed: int) -> Formula:
     """Draw one task of a family; equal arguments give equal tasks."""
     return make_sampler(name, propositions)(random.Random(seed))
 
 
-def is_family(text: str, propositions: Sequence[str] = ()) -> bool:
+def is_family(text: str | TaskFamily, propositions: Sequence[str] = ()) -> bool:
     """Whether a text names a family of tasks, maybe misspelt (`Untl_1_2_1_1`): one word that is no proposition."""
+    if isinstance(text, TaskFamily):
+        return True
     word = text.strip()
-    if word in propositions or not word.isidentifier():
+    if word in propositions or word in BENCHMARK_TASKS or not word.isidentifier():
         return False
+    if word.split("_OR_")[0] in _NAMED:
+        return True
     return word.split("_")[0] in _FAMILIES or re.fullmatch(r"[A-Za-z]+(_\d+)+", word) is not None
 
 
-def make_sampler(name: str, propositions: Sequence[str]) -> Sampler:
+def make_sampler(name: str | TaskFamily, propositions: Sequence[str]) -> Sampler:
     """Return the sampler of a family.
 
     Families: `Default`, `Until_a_b_c_d`, `Sequence_a_b`, `Eventually_a_b_c_d`, `Adversarial`, `Super`, those of
-    `register_family`, and any two of them as `X_OR_Y`. Both ends of a range can be drawn.
+    `register_family` and `name_family`, and any two of them as `X_OR_Y`. Both ends of a range can be drawn.
 
     Args:
-        name: for example `Until_1_3_1_2`.
+        name: for example `Until_1_3_1_2`; or a family that is data.
         propositions: what the tasks may speak of.
 
     Raises:
         UnknownTaskError: no such family; names the nearest valid one.
         LTLError: wrong parameters, or too few propositions.
     """
+    if isinstance(name, TaskFamily):
+        family_data, given = name, tuple(propositions)
+        _check_count(str(name), given, family_data.least())
+        return lambda rng: family_data.draw(rng, given)
+    if name in _NAMED:
+        return make_sampler(_NAMED[name], propositions)
     if "_OR_" in name:
         first, second = name.split("_OR_", 1)
         left, right = make_sampler(first, propositions), make_sampler(second, propositions)
         return lambda rng: left(rng) | right(rng)
     family = _FAMILIES.get(name.split("_")[0])
     if family is None:
-        known = ", ".join([*(each.shape for each in _FAMILIES.values()), _JOINED])
-        examples = [each.example for each in _FAMILIES.values()]
+        known = ", ".join([*_NAMED, *(each.shape for each in _FAMILIES.values()), _JOINED])
+        examples = [*(each.example for each in _FAMILIES.values()), *_NAMED]
         raise UnknownTaskError(f'unknown task family "{name}"; known: {known}{nearest(name, examples)}')
     numbers = _numbers(family, name)
     if numbers is None:

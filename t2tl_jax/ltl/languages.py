@@ -17,10 +17,19 @@ def languages(next_row: np.ndarray, verdict: np.ndarray, rows: Iterable[int]) ->
         verdict: int8 `[rows]`, +1 true, -1 false, 0 open.
         rows: those asked for.
     """
+    state, following, ends = minimal(next_row, verdict)
+    return [numbered(following, ends, int(state[row])) for row in rows]
+
+
+def minimal(next_row: np.ndarray, verdict: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The automaton with one state for all rows that no word tells apart.
+
+    Returns:
+        The state of each row int `[rows]`, the following states int `[states, letters]`, their verdicts `[states]`.
+    """
     state = _classes(next_row, verdict)
     _, first = np.unique(state, return_index=True)
-    following, ends = state[next_row[first]], verdict[first]
-    return [_numbered(following, ends, int(state[row])) for row in rows]
+    return state, state[next_row[first]], verdict[first]
 
 
 def _classes(next_row: np.ndarray, verdict: np.ndarray) -> np.ndarray:
@@ -32,7 +41,8 @@ def _classes(next_row: np.ndarray, verdict: np.ndarray) -> np.ndarray:
     return state
 
 
-def _numbered(following: np.ndarray, ends: np.ndarray, start: int) -> Language:
+def numbered(following: np.ndarray, ends: np.ndarray, start: int) -> Language:
+    """The language of a state of a minimal automaton."""
     number, order = {start: 0}, [start]
     for state in order:  # which grows meanwhile
         for after in following[state].tolist():

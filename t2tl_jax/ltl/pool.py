@@ -9,12 +9,13 @@ from collections.abc import Collection, Sequence
 import jax
 import numpy as np
 
+from t2tl_jax.ltl import renaming
 from t2tl_jax.ltl import tokens as vocabulary
-from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, check_cells, letter_weights
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, check_cells, every_letter, letter_weights
 from t2tl_jax.ltl.compiler.automaton import Automaton, build
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import TooLargeError
-from t2tl_jax.ltl.families import make_sampler
+from t2tl_jax.ltl.families import TaskFamily, make_sampler
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.languages import Language, languages
 from t2tl_jax.ltl.table import TaskTable
@@ -24,7 +25,7 @@ DRAWS_PER_TASK = 50
 
 
 def compile_pool(
-    family: str,
+    family: str | TaskFamily,
     propositions: Sequence[str],
     alphabet: str,
     seed: str | int,
@@ -36,6 +37,7 @@ def compile_pool(
     least: int | None = None,
     unlike: Collection[Language] = (),
     without: Collection[Language] = (),
+    held_out: Collection[Language] = (),
 ) -> TaskTable:
     """Draw `size` different formulas of a family and compile them to one table, on the host.
 
@@ -47,7 +49,7 @@ def compile_pool(
     with more states than there are rows left. The caps therefore shorten the tail of a family.
 
     Args:
-        family: such as `Until_1_2_1_1`, see `make_sampler`.
+        family: such as `Until_1_2_1_1`, see `make_sampler`; or one that is data.
         propositions: the environment's propositions, in its order.
         alphabet: as in `compile_tasks`.
         seed: equal arguments give equal tables.
@@ -58,14 +60,18 @@ def compile_pool(
         least: so few formulas will do where more cannot be found; by default `size`.
         unlike: no formula means one of these.
         without: nor does one mean or become one of these.
+        held_out: nor one of these, under whatever names of propositions; classes of `renaming`.
 
     Raises:
         UnknownTaskError, LTLError: for a family that does not exist or needs more propositions.
         TooLargeError: when too few of the formulas drawn fit into `rows` and `length`, or differ from each other.
     """
     names = tuple(propositions)
-    draw, rng = make_sampler(family, names), random.Random(f"{family} {seed}")
-    builder = _Builder(names, alphabet, rows, length, progression, frozenset(unlike), frozenset(without))
+    draw = make_sampler(family, names)
+    rng = random.Random(f"{family if isinstance(family, str) else repr(family)} {seed}")
+    builder = _Builder(
+        names, alphabet, rows, length, progression, frozenset(unlike), frozenset(without), frozenset(held_out)
+    )
     for _ in range(DRAWS_PER_TASK * size):
         if len(builder.initial_row) == size:
             return builder.table()
@@ -92,8 +98,9 @@ class _Builder:
         progression: str,
         unlike: frozenset[Language],
         without: frozenset[Language],
+        held_out: frozenset[Language],
     ) -> None:
-        self.unlike, self.without = unlike, without
+        self.unlike, self.without, self.held_out = unlike, without, held_out
         everything = list(range(len(names)))
         check_cells(rows, len(names), alphabet)
         self.names, self.alphabet, self.rows, self.length = names, alphabet, rows, length
@@ -135,11 +142,15 @@ class _Builder:
             self.initial_row.append(self.row_of[automaton.tokens[start]])
 
     def _is_kept_out(self, automaton: Automaton, start: int) -> bool:
-        if not (self.unlike or self.without):
+        if not (self.unlike or self.without or self.held_out):
             return False
-        next_row = automaton.next_row[:, self._columns(automaton.letter_weights)]
+        next_row = automaton.next_row[:, every_letter(automaton.letter_weights, self.alphabet)]
         open_rows = range(2, len(automaton.tokens))
         found = languages(next_row, automaton.verdict, open_rows)
+        if self.held_out:
+            renamed = renaming.classes(next_row, automaton.verdict, open_rows, self.alphabet)
+            if not self.held_out.isdisjoint(renamed):
+                return True
         return found[start - 2] in self.unlike or not self.without.isdisjoint(found)
 
     def _take(self, automaton: Automaton, fresh: list[int]) -> None:
@@ -148,20 +159,13 @@ class _Builder:
             self.used += 1
         # Equal formulas have equal futures, so rows that were there already stay as they are.
         new_row = np.array([0, 1, *(self.row_of[tokens] for tokens in automaton.tokens[2:])], np.int32)
-        columns = self._columns(automaton.letter_weights)
+        columns = every_letter(automaton.letter_weights, self.alphabet)
         for row in fresh:
             target = new_row[row]
             self.tokens[target] = 0
             self.tokens[target, : len(automaton.tokens[row])] = automaton.tokens[row]
             self.next_row[target] = new_row[automaton.next_row[row, columns]]
             self.verdict[target] = 0
-
-    def _columns(self, weights: np.ndarray) -> np.ndarray:
-        """Per letter of the pool, the letter of a formula's own automaton: int `[letters]`."""
-        if self.alphabet == AT_MOST_ONE:
-            return np.concatenate([[0], weights])
-        letters = np.arange(self.next_row.shape[1])[:, None]
-        return (letters >> np.arange(len(self.names)) & 1) @ weights
 
     def table(self) -> TaskTable:
         arrays = {

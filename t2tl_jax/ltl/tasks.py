@@ -1,8 +1,10 @@
-"""Tasks by name: the formulas of the paper, and the reward machines of the water benchmark."""
+"""Tasks by name: the formulas of the paper and of benchmarks, and the reward machines of the water benchmark."""
 
+import re
 from importlib.resources import files
 from pathlib import Path
 
+from t2tl_jax.ltl.benchmark_tasks import BENCHMARK_TASKS
 from t2tl_jax.ltl.errors import LTLError, UnknownTaskError, nearest
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.parser import parse
@@ -41,15 +43,19 @@ PAPER_TASKS: dict[str, str] = {
 """Formula texts. `phi_zone*` and `phi_safe` speak of `ZONE_PROPOSITIONS`, `phi_water*` of `WATER_PROPOSITIONS`."""
 
 
+NAMED_TASKS: dict[str, str] = PAPER_TASKS | BENCHMARK_TASKS
+"""Every formula with a name."""
+
+
 def named_task(name: str) -> Formula:
-    """Return a task of the paper.
+    """Return a task of `NAMED_TASKS`.
 
     Raises:
         UnknownTaskError: lists the known names and the nearest.
     """
-    if name not in PAPER_TASKS:
-        raise UnknownTaskError(f'unknown task "{name}"; known: {", ".join(PAPER_TASKS)}{nearest(name, PAPER_TASKS)}')
-    return parse(PAPER_TASKS[name])
+    if name not in NAMED_TASKS:
+        raise UnknownTaskError(f'unknown task "{name}"; known: {", ".join(NAMED_TASKS)}{nearest(name, NAMED_TASKS)}')
+    return parse(NAMED_TASKS[name])
 
 
 def resolve_task(text: str) -> Formula:
@@ -64,9 +70,26 @@ def resolve_task(text: str) -> Formula:
     word = text.strip()
     if word in REWARD_MACHINES:
         raise LTLError(f"{word} is a reward machine, not a formula; compile_named takes both")
-    if word in PAPER_TASKS or (word.startswith("phi_") and word.isidentifier()):
+    if word in NAMED_TASKS or (word.startswith("phi_") and word.isidentifier()):
         return named_task(word)
     return parse(text)
+
+
+def resolve_tasks(text: str) -> dict[str, Formula]:
+    """Return the tasks of a list such as `z1,z2,F(Blue & F Green)`, in its order, by what they are called there.
+
+    Raises:
+        LTLError: for an empty list, an unknown name or a malformed formula.
+    """
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    if not words:
+        raise LTLError("the list of tasks is empty; give names or formulas, apart by commas, such as z1,z2")
+    return {word: _task_of_list(word) for word in words}
+
+
+def _task_of_list(word: str) -> Formula:
+    """A word that is neither a name nor a formula of more than one proposition is a misspelt name."""
+    return named_task(word) if re.fullmatch(r"[a-z]+_?\d+", word) else resolve_task(word)
 
 
 def _reward_machines() -> dict[str, tuple[str, ...]]:
@@ -125,7 +148,7 @@ def resolve(text: str) -> Formula | tuple[RewardMachine, ...]:
     """Return the formula or the reward machines that a text stands for.
 
     Args:
-        text: a name of `PAPER_TASKS` or `REWARD_MACHINES`, a path that ends in `.rm`, or a formula. One word that
+        text: a name of `NAMED_TASKS` or `REWARD_MACHINES`, a path that ends in `.rm`, or a formula. One word that
             begins with `phi_` or `rm_` is taken for a name.
 
     Raises:

@@ -147,7 +147,7 @@ class QNetwork(RecurrentNetwork):
         Learned codes are up to sqrt(dim) long, one-hot ones 1. Unscaled, a step of Adam on the matrix would move the
         values of learned codes many times as far, and no one learning rate would suit both.
         """
-        if self.config.task_encoder.learned:
+        if self.config.task_encoder.carries_over:
             embedding = embedding / embedding.shape[-1] ** 0.5
         return jnp.concatenate([embedding, jnp.ones_like(embedding[..., :1])], axis=-1)
 

@@ -25,6 +25,16 @@ class TaskEncoderConfig:
     that were not seen before. Codes that are not learned have length 1."""
 
     @property
+    def carries_over(self) -> bool:
+        """Whether the code of a row says what the row means, so that tasks make sense that were not seen before."""
+        return self.learned
+
+    @property
+    def reads_tokens(self) -> bool:
+        """Whether the code is made of the formula's tokens, each of which can be left out to see what it is for."""
+        return self.learned
+
+    @property
     def code_size(self) -> int:
         """Numbers in the code of a task."""
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""The task encoders of the paper, registered as a user's would be: `TaskTable -> float32[rows, code_size]`."""
+"""The task encoders, registered as a user's would be: `TaskTable -> float32[rows, code_size]`."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -9,7 +9,10 @@ from flax import linen as nn
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.automaton_encoder import AutomatonConfig, AutomatonTaskEncoder
 from t2tl_jax.networks.gru import GRUConfig, GRUTaskEncoder
+from t2tl_jax.networks.joined import JoinedConfig, JoinedTaskEncoder
+from t2tl_jax.networks.lookahead import LookaheadConfig, LookaheadTaskEncoder
 from t2tl_jax.networks.rgcn import RGCNConfig, RGCNTaskEncoder
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig
@@ -73,6 +76,9 @@ register_task_encoder("transformer", TransformerConfig, TransformerTaskEncoder)
 register_task_encoder("rgcn", RGCNConfig, RGCNTaskEncoder)
 register_task_encoder("gru", GRUConfig, GRUTaskEncoder)
 register_task_encoder("one_hot", OneHotConfig, OneHotTaskEncoder)
+register_task_encoder("lookahead", LookaheadConfig, LookaheadTaskEncoder)
+register_task_encoder("automaton", AutomatonConfig, AutomatonTaskEncoder)
+register_task_encoder("joined", JoinedConfig, JoinedTaskEncoder)
 
 
 def make_task_encoder(config: TaskEncoderConfig) -> nn.Module:

@@ -9,6 +9,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from t2tl_jax import checks
 from t2tl_jax.env import EnvConfig
+from t2tl_jax.ltl import TaskFamily, named_families
 from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.task_env import Labels
 from t2tl_jax.training.types import LearnerConfig
@@ -35,6 +36,18 @@ Count = Annotated[
     ),
 ]
 """A whole number that may be written 2e5 on the command line."""
+
+Task = Annotated[
+    str | TaskFamily,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="STR",
+        instance_from_str=lambda texts: texts[0],
+        is_instance=lambda value: isinstance(value, str | TaskFamily),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
+"""A task or a family by name, or a family itself, whose fields are flags as well."""
 
 
 def _default_cache() -> str:
@@ -82,6 +95,9 @@ class PoolConfig:
     """Tokens of a row. Formulas that do not fit are drawn again."""
     seed: Count = 0
     """Which formulas are drawn. The pool for evaluation is another one in any case."""
+    held_out: str = ""
+    """Tasks by name or formula, apart by commas, that training is not to meet: no formula is drawn that has an open row
+    in common with one of them, under whatever names of propositions. '' for none."""
 
     def __post_init__(self) -> None:
         checks.counts(self, "size", "period", "length")
@@ -113,9 +129,10 @@ class Config:
 
     env: EnvConfig
     """The environment."""
-    task: str
+    task: Task
     """A formula such as 'F(Red & F White)', a task by name, a reward machine by name or file (needs one_hot), or a
-    family such as Until_1_2_1_1: random tasks, see pool."""
+    family such as Until_1_2_1_1: random tasks, see pool. Families that are data, such as chains, have fields of their
+    own: --task chains --task.depth 1 3."""
     task_length: int = 0
     """Pad formulas to this many tokens; 0 for as many as the longest one has."""
     pool: PoolConfig = field(default_factory=PoolConfig)
@@ -154,6 +171,8 @@ class Config:
     """Files and displays."""
 
     def __post_init__(self) -> None:
+        if isinstance(self.task, str) and self.task.strip() in named_families():
+            object.__setattr__(self, "task", named_families()[self.task.strip()])
         if self.frames < 1:
             raise ValueError(f"frames must be at least 1, got {self.frames}")
         # One less than other counts: random lengths of first episodes are drawn from below the next number.

@@ -13,9 +13,10 @@ import cattrs
 
 from t2tl_jax.env import EnvConfig
 from t2tl_jax.errors import NotRegistered, UserError
+from t2tl_jax.ltl import TaskFamily
 from t2tl_jax.names import nearest
 from t2tl_jax.networks.task_encoder import SequenceEncoderConfig, TaskEncoderConfig
-from t2tl_jax.registry import AGENTS, CONTEXT_READERS, ENVS, TASK_ENCODERS, Registry
+from t2tl_jax.registry import AGENTS, CONTEXT_READERS, ENVS, TASK_ENCODERS, TASK_FAMILIES, Registry
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.migration import VERSION, migrated
 from t2tl_jax.training.types import LearnerConfig
@@ -28,6 +29,7 @@ REGISTRIES: dict[type, Registry] = {
     LearnerConfig: AGENTS,
     TaskEncoderConfig: TASK_ENCODERS,
     SequenceEncoderConfig: CONTEXT_READERS,
+    TaskFamily: TASK_FAMILIES,
 }
 """Where the kinds of a base class are registered."""
 
@@ -52,6 +54,16 @@ def _converter() -> cattrs.Converter:
         # Only fields that are declared with the base class itself hold one of several kinds.
         converter.register_structure_hook_func(partial(operator.is_, base), partial(structured, registry))
         converter.register_unstructure_hook_func(partial(operator.is_, base), partial(with_kind, registry))
+    # A task is a text or a family.
+    task = str | TaskFamily
+    converter.register_structure_hook_func(
+        partial(operator.eq, task),
+        lambda value, _: converter.structure(value, str if isinstance(value, str) else TaskFamily),
+    )
+    converter.register_unstructure_hook_func(
+        partial(operator.eq, task),
+        lambda value: value if isinstance(value, str) else converter.unstructure(value, TaskFamily),
+    )
     return converter
 
 

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
+from t2tl_jax.ltl import TaskFamily
 from t2tl_jax.runs.machine_files import same_task
 
 
@@ -16,7 +17,10 @@ def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
         if prefix == "" and field.name == "run":
             continue
         a, b, name = getattr(base, field.name), getattr(other, field.name), prefix + field.name
-        if dataclasses.is_dataclass(b) and not isinstance(b, type):
+        if isinstance(b, TaskFamily):
+            if a != b:
+                yield f"{name}={b}"
+        elif dataclasses.is_dataclass(b) and not isinstance(b, type):
             if type(a) is not type(b):
                 yield f"{name}={type(b).__name__}"
                 a = type(b)()

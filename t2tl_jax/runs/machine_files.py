@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from t2tl_jax.errors import UserError
+from t2tl_jax.ltl import TaskFamily
 from t2tl_jax.ltl.tasks import is_machine_file
 from t2tl_jax.runs.config import Config
 
@@ -14,9 +15,9 @@ def read(config: Config) -> dict[str, bytes]:
     Raises:
         UserError: if it cannot be read.
     """
-    if not is_machine_file(config.task):
+    path = _file(config.task)
+    if path is None:
         return {}
-    path = Path(config.task.strip())
     try:
         return {path.name: path.read_bytes()}
     except OSError as error:
@@ -35,17 +36,17 @@ def as_stored(config: Config, folder: Path) -> Config:
     return config if copy is None else replace(config, task=copy.name)
 
 
-def name_of(task: str, folder: Path) -> str:
+def name_of(task: str | TaskFamily, folder: Path) -> str:
     """The task, or only the name of the file if it is the copy in this folder of a run."""
-    path = Path(task.strip())
-    return path.name if is_machine_file(task) and path.parent == folder.resolve() else task
+    path = _file(task)
+    return str(task) if path is None or path.parent != folder.resolve() else path.name
 
 
-def same_task(one: str, other: str) -> bool:
+def same_task(one: str | TaskFamily, other: str | TaskFamily) -> bool:
     """Whether two tasks are the same; files of reward machines are if they have the same name and content."""
-    if one == other or not (is_machine_file(one) and is_machine_file(other)):
+    first, second = _file(one), _file(other)
+    if one == other or first is None or second is None:
         return one == other
-    first, second = Path(one.strip()), Path(other.strip())
     try:
         return first.name == second.name and first.read_bytes() == second.read_bytes()
     except OSError:
@@ -53,7 +54,10 @@ def same_task(one: str, other: str) -> bool:
 
 
 def _copy(config: Config, folder: Path) -> Path | None:
-    if not is_machine_file(config.task):
-        return None
-    copy = folder.resolve() / Path(config.task.strip()).name
-    return copy if copy.is_file() else None
+    path = _file(config.task)
+    copy = None if path is None else folder.resolve() / path.name
+    return copy if copy is not None and copy.is_file() else None
+
+
+def _file(task: str | TaskFamily) -> Path | None:
+    return Path(task.strip()) if isinstance(task, str) and is_machine_file(task) else None

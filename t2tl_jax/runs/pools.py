@@ -6,7 +6,16 @@ from typing import Any
 import numpy as np
 
 from t2tl_jax.env import LabelledEnv
-from t2tl_jax.ltl import AT_MOST_ONE, TaskTable, TooLargeError, compile_named, compile_pool, is_family
+from t2tl_jax.ltl import (
+    AT_MOST_ONE,
+    TaskTable,
+    TooLargeError,
+    compile_named,
+    compile_pool,
+    is_family,
+    resolve_tasks,
+    row_languages,
+)
 from t2tl_jax.ltl.languages import Language, languages
 from t2tl_jax.runs.config import Config
 
@@ -20,12 +29,13 @@ class Pools:
 
     No formula of the evaluation is trained on, neither as a task nor as what is left of one: it is no row of the first
     pool of training, and formulas that can become it are kept out of all later pools. Formulas are the same if their
-    languages are, however they are written.
+    languages are, however they are written. Tasks that are held out by name share no row at all with training.
     """
 
     def __init__(self, config: Config, env: LabelledEnv) -> None:
         self._config, self._env = config, env
-        self._first = cache(lambda: _pool(config, env, "0"))
+        self._held_out = cache(self._make_held_out)
+        self._first = cache(lambda: _pool(config, env, "0", held_out=self._held_out()))
         self._evaluation = cache(self._make_evaluation)
 
     def training(self, number: int) -> TaskTable:
@@ -40,7 +50,7 @@ class Pools:
         held_out = _languages(table, np.asarray(table.initial_row))
         for which in (str(number), *(f"{number} again {draw}" for draw in range(1, DRAWS_PER_POOL))):
             try:
-                return _pool(self._config, self._env, which, without=held_out)
+                return _pool(self._config, self._env, which, without=held_out, held_out=self._held_out())
             except TooLargeError:
                 continue
         return self._first()
@@ -56,10 +66,18 @@ class Pools:
         return self._evaluation()
 
     def selection(self) -> TaskTable:
-        """What parameters are chosen by: formulas that the evaluation does not have; training may."""
+        """What parameters are chosen by: formulas that the evaluation does not have; training may. Nor has it rows of
+        the tasks that are held out."""
         table = self.evaluation
         reported = _languages(table, np.asarray(table.initial_row))
-        return _pool(self._config, self._env, "selection", least=1, unlike=reported)
+        return _pool(self._config, self._env, "selection", least=1, unlike=reported, held_out=self._held_out())
+
+    def _make_held_out(self) -> frozenset[Language]:
+        """The open rows that training is not to meet, up to renaming of propositions."""
+        if not self._config.pool.held_out:
+            return frozenset()
+        tasks = resolve_tasks(self._config.pool.held_out).values()
+        return frozenset(row_languages(tasks, self._env.propositions, self._env.alphabet))
 
     def _make_evaluation(self) -> TaskTable:
         first = self._first()
@@ -77,8 +95,9 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     if is_family(config.task, env.propositions):
         return Pools(config, env).evaluation
     length = config.task_length or None
-    table = compile_named(config.task, env.propositions, env.alphabet, length=length, progression=config.progression)
-    _check_open(config.task, table)
+    task = str(config.task)
+    table = compile_named(task, env.propositions, env.alphabet, length=length, progression=config.progression)
+    _check_open(task, table)
     return table
 
 
@@ -107,7 +126,7 @@ def _check_open(task: str, table: TaskTable) -> None:
 
 def _pool(config: Config, env: LabelledEnv, which: str, **kept_out: Any) -> TaskTable:
     reader = config.learner.task_encoder
-    if reader is not None and not reader.learned:
+    if reader is not None and not reader.carries_over:
         raise ValueError(
             f"{config.task} is a family of random tasks, and a one-hot code says nothing about a task that was not "
             "seen before; use a task encoder that reads formulas, such as transformer"
@@ -117,7 +136,7 @@ def _pool(config: Config, env: LabelledEnv, which: str, **kept_out: Any) -> Task
     pool = config.pool
     try:
         return compile_pool(
-            config.task.strip(),
+            config.task.strip() if isinstance(config.task, str) else config.task,
             env.propositions,
             env.alphabet,
             f"{pool.seed} {which}",

@@ -194,7 +194,7 @@ def summary(first: "Result") -> dict[str, Any]:
 
     return {
         "folder": None if first.folder is None else str(first.folder),
-        "task": first.config.task,
+        "task": str(first.config.task),
         "seeds": list(first.seeds),
         "frames_per_seed": frames,
         "compile_wait_seconds": spent.get("compile_wait_seconds", spent.get("compile_seconds", 0.0)),

@@ -10,7 +10,7 @@ import numpy as np
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.evaluation.report import Report
-from t2tl_jax.ltl import TaskTable
+from t2tl_jax.ltl import TaskFamily, TaskTable
 from t2tl_jax.runs import evaluations
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.evaluations import WHICH, Which
@@ -79,7 +79,9 @@ class Result:
             raise UserError(f"a run has parameters {' and '.join(WHICH)}, got which={which!r}")
         return self.params[which]
 
-    def policy(self, seed: int | None = None, task: str | TaskTable | None = None, which: Which = "final") -> Policy:
+    def policy(
+        self, seed: int | None = None, task: str | TaskFamily | TaskTable | None = None, which: Which = "final"
+    ) -> Policy:
         """The policy of one seed.
 
         Args:
@@ -99,7 +101,7 @@ class Result:
 
     def evaluate(
         self,
-        task: str | TaskTable | None = None,
+        task: str | TaskFamily | TaskTable | None = None,
         episodes: int = 100,
         env: LabelledEnv | None = None,
         episode_length: int | None = None,
@@ -124,11 +126,11 @@ class Result:
         length = self.config.episode_length if episode_length is None else episode_length
         return evaluations.evaluate_policies(experiment, params, episodes, length)[which]
 
-    def _on(self, task: str | TaskTable | None) -> Experiment:
+    def _on(self, task: str | TaskFamily | TaskTable | None) -> Experiment:
         """The experiment with another task; UserError if the network cannot read it."""
         if task is None:
             return self.experiment
-        if isinstance(task, str):
+        if isinstance(task, str | TaskFamily):
             with explained():
                 table = make_table(replace(self.config, task=task), self.experiment.env)
         else:

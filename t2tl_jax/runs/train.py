@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 from t2tl_jax.env import EnvConfig, LabelledEnv
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.evaluation.report import Report
+from t2tl_jax.ltl import TaskFamily
 from t2tl_jax.names import nearest
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import config_files, machine_files, params_file, pretraining
@@ -34,7 +35,7 @@ CHANGEABLE = ("frames", "convergence", "until_solved", "run")
 
 def train(
     config: str | Config | LabelledEnv,
-    task: str | None = None,
+    task: str | TaskFamily | None = None,
     learner: LearnerConfig | None = None,
     *,
     seeds: int | Sequence[int] | None = None,
@@ -149,7 +150,7 @@ def load(
 
 def _configuration(
     config: str | Config | LabelledEnv,
-    task: str | None,
+    task: str | TaskFamily | None,
     learner: LearnerConfig | None,
     seeds: int | Sequence[int] | None,
     changes: dict[str, Any],

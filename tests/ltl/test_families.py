@@ -166,7 +166,7 @@ def test_a_family_of_ones_own_makes_pools(with_reach):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("Reah_3", 'known: Default, .*, Reach_<goals>, X_OR_Y; did you mean "Reach_2"'),
+        ("Reah_3", 'known: chains, .*, Default, .*, Reach_<goals>, X_OR_Y; did you mean "Reach_2"'),
         ("Reach", '"Reach" needs 1 positive whole number: Reach_<goals>; did you mean "Reach_2"'),
         ("Reach_13", "needs at least 13 propositions, got 12"),
     ],

@@ -17,6 +17,7 @@ from t2tl_jax import registry
 from t2tl_jax.errors import UserError
 from t2tl_jax.flags import _fields
 from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.runs.config import Task
 from t2tl_jax.task_env import TaskEnv
 
 ROOT = Path(__file__).parents[2]
@@ -148,7 +149,10 @@ def test_flags_of_other_commands_exist(page):
     for name, words in commands(page):
         if name.startswith("experiments."):
             arguments = getattr(importlib.import_module(name), "Arguments", None)
-            known = dict(_fields(arguments)) if arguments else flags_of(words)
+            known = dict(_fields(arguments)) if arguments else dict.fromkeys(flags_of(words))
+            families = [flag for flag, hint in known.items() if hint is Task]
+            for kind in registry.TASK_FAMILIES.classes():
+                known |= {flag: hint for family in families for flag, hint in _fields(kind, f"{family}.")}
             assert not set(flags_of(words)) - set(known), name
 
 

@@ -21,6 +21,14 @@ def letter_weights(num_propositions: int, used: list[int], alphabet: str) -> np.
     return weights
 
 
+def every_letter(weights: np.ndarray, alphabet: str) -> np.ndarray:
+    """Return int `[letters]`: per letter over all propositions, the letter where only those with a weight count."""
+    if alphabet == AT_MOST_ONE:
+        return np.concatenate([[0], weights])
+    letters = np.arange(2 ** len(weights))[:, None]
+    return (letters >> np.arange(len(weights)) & 1) @ weights
+
+
 def check_cells(rows: int, num_used: int, alphabet: str) -> None:
     """Refuse a table with too many entries."""
     letters = num_used + 1 if alphabet == AT_MOST_ONE else 2**num_used

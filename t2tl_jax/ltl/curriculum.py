@@ -1,0 +1,98 @@
+"""A curriculum: families of tasks one after another, and the rule by which the next one begins.
+
+This is the rule only, on the host: success by task goes in, the stage to train on comes out.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from t2tl_jax import checks
+from t2tl_jax.ltl.errors import LTLError
+from t2tl_jax.ltl.families import TaskFamily
+from t2tl_jax.ltl.family_trees import Chains
+
+Over = Literal["mean", "least"]
+"""Which number stands for the success in several tasks: their mean, or that of the worst."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A family, and how well it is to be mastered before the next one."""
+
+    family: TaskFamily = field(default_factory=Chains)
+    """What is drawn."""
+    advance: float = 0.9
+    """The next stage begins when success over the tasks is at least this."""
+    over: Over = "mean"
+    """Which success: the mean over the distinct tasks, each counted once, or that of the worst of them."""
+    temperature: float = 0.0
+    """Tasks are drawn in proportion to exp(-success / temperature): the smaller, the more those that fail. 0 for as
+    the family draws them; others only where its tasks can be listed."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.advance <= 1.0:
+            raise LTLError(f"advance is a success rate from 0 to 1, got {self.advance}")
+        if self.over not in ("mean", "least"):
+            raise LTLError(f'over is "mean" or "least", got {self.over!r}')
+        checks.not_negative(self, "temperature")
+
+    def is_mastered(self, success: Mapping[str, float]) -> bool:
+        """Whether the rule is met by success rates by task, of the tasks that ended lately; not without any."""
+        if not success:
+            return False
+        rates = success.values()
+        return (min(rates) if self.over == "least" else sum(rates) / len(success)) >= self.advance
+
+    def weights(self, tasks: Sequence[str], success: Mapping[str, float]) -> list[float]:
+        """How likely each of some tasks is to be drawn: sums to 1, all equal before any task has ended.
+
+        A task that never ended counts as one that always fails.
+        """
+        if not self.temperature:
+            return [1 / len(tasks)] * len(tasks)
+        failing = [math.exp(-success.get(task, 0.0) / self.temperature) for task in tasks]
+        return [weight / sum(failing) for weight in failing]
+
+
+@dataclass(frozen=True)
+class Curriculum:
+    """Stages in their order. The last one goes on to the end of the training."""
+
+    stages: tuple[Stage, ...] = (Stage(),)
+    """The families with their rules."""
+
+    def __post_init__(self) -> None:
+        if not self.stages:
+            raise LTLError("a curriculum needs at least one stage")
+
+    def next_stage(self, stage: int, success: Mapping[str, float]) -> int:
+        """The stage after `stage`, or `stage` itself while it is not mastered or is the last.
+
+        Args:
+            stage: the present one, from 0.
+            success: by task, the success rate of those of its tasks that ended lately; each task counts once.
+
+        Raises:
+            LTLError: for a stage that does not exist.
+        """
+        if not 0 <= stage < len(self.stages):
+            raise LTLError(f"there is no stage {stage}: the curriculum has stages 0 to {len(self.stages) - 1}")
+        last = len(self.stages) - 1
+        return stage + (stage < last and self.stages[stage].is_mastered(success))
+
+
+ONE, NONE = (1, 1), (0, 0)
+DEEPLTL_ZONES = Curriculum(
+    (
+        Stage(Chains(ONE, ONE, NONE), 0.8, "least", 0.5),
+        Stage(Chains((2, 2), ONE, NONE, repeat=False), 0.95, "mean", 0.5),
+        Stage(Chains(ONE, ONE, ONE), 0.95, "mean", 0.5),
+        Stage(Chains((2, 2), ONE, ONE, repeat=False), 0.9, "mean", 0.5),
+        Stage(Chains(ONE, (1, 2), (0, 2)), 0.9),
+        Stage(Chains((2, 2), (1, 2), (1, 2)), 0.9),
+        Stage(Chains((3, 3), (1, 2), (0, 3)), 0.9),
+    )
+)
+"""DeepLTL's curriculum for four colours, without its tasks of staying inside a disc, which are no co-safe formulas."""

@@ -1,0 +1,94 @@
+"""What a test has in common with a training: rows that mean the same, also under other names of propositions.
+
+A formula that was never drawn may still be one that training met, as what is left of another. So a task counts as
+unseen only if none of its open rows is a row of training.
+"""
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from random import Random
+
+from t2tl_jax.ltl import renaming
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, every_letter
+from t2tl_jax.ltl.compiler.automaton import build
+from t2tl_jax.ltl.families import TaskFamily, make_sampler, named_families
+from t2tl_jax.ltl.formula import Formula
+from t2tl_jax.ltl.languages import Language, languages
+
+DRAWS = 4000
+"""How many tasks of a family are looked at, where it has more or cannot list them."""
+
+_AT_ONCE = 200
+"""Formulas that are compiled together."""
+
+_ROWS_AT_ONCE = 100_000
+
+
+@dataclass(frozen=True)
+class Share:
+    """How many of the open rows of a task training has met."""
+
+    met: int
+    rows: int
+
+    @property
+    def unseen(self) -> bool:
+        """Whether it met none."""
+        return self.met == 0
+
+    def __str__(self) -> str:
+        return f"{self.met}/{self.rows}"
+
+
+def share(rows: Sequence[Language], training: Collection[Language]) -> Share:
+    """What part of some rows those of a training hold; both by `row_languages` with equal settings."""
+    return Share(sum(row in training for row in rows), len(rows))
+
+
+def row_languages(
+    formulas: Iterable[str | Formula],
+    propositions: Sequence[str],
+    alphabet: str = AT_MOST_ONE,
+    *,
+    renamed: bool = True,
+) -> list[Language]:
+    """The languages of all open rows of some formulas, of what they can become too; each row once.
+
+    Args:
+        formulas: the tasks.
+        propositions: the environment's propositions, in its order.
+        alphabet: as in `compile_tasks`.
+        renamed: whether rows that differ in the names of propositions only have equal languages.
+
+    Raises:
+        LTLError: as the formulas deserve.
+    """
+    found: dict[Language, Language] = {}
+    names, formulas = tuple(propositions), iter(formulas)
+    while some := list(islice(formulas, _AT_ONCE)):
+        automaton = build(some, names, alphabet, max_rows=_ROWS_AT_ONCE)
+        next_row = automaton.next_row[:, every_letter(automaton.letter_weights, alphabet)]
+        exact = languages(next_row, automaton.verdict, range(2, len(next_row)))
+        new = {language: row for row, language in enumerate(exact, 2) if language not in found}
+        if renamed:
+            codes = renaming.classes(next_row, automaton.verdict, new.values(), alphabet)
+            found.update(zip(new, codes, strict=True))
+        else:
+            found.update(zip(new, new, strict=True))
+    return list(found.values())
+
+
+def tasks_of(family: str | TaskFamily, propositions: Sequence[str], draws: int = DRAWS) -> list[Formula]:
+    """Every task of a family if it can list them and has no more than `draws`, else so many draws of seed 0, each once.
+
+    Raises:
+        UnknownTaskError, LTLError: as `make_sampler`.
+    """
+    sampler, names = make_sampler(family, propositions), tuple(propositions)
+    data = named_families().get(family) if isinstance(family, str) else family
+    listed = None if data is None else data.every(names)
+    if listed is not None and len(every := list(islice(listed, draws + 1))) <= draws:
+        return list(dict.fromkeys(every))
+    rng = Random(0)
+    return list(dict.fromkeys(sampler(rng) for _ in range(draws)))

@@ -1,0 +1,63 @@
+"""Two task encoders side by side: a code that is both codes."""
+
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.networks.lookahead import LookaheadConfig
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.registry import TASK_ENCODERS
+
+
+@dataclass(frozen=True)
+class JoinedConfig(TaskEncoderConfig):
+    """Any two encoders."""
+
+    first: TaskEncoderConfig = field(default_factory=LookaheadConfig)
+    """Whose code comes first."""
+    second: TaskEncoderConfig = field(default_factory=TransformerConfig)
+    """Whose code comes second."""
+
+    @property
+    def learned(self) -> bool:  # type: ignore[override]
+        """Whether one of them is."""
+        return self.first.learned or self.second.learned
+
+    @property
+    def code_size(self) -> int:
+        """Numbers of both."""
+        return self.first.code_size + self.second.code_size
+
+    @property
+    def reads_padding(self) -> bool:
+        """Whether one of them does."""
+        return self.first.reads_padding or self.second.reads_padding
+
+    @property
+    def carries_over(self) -> bool:
+        """Whether both do: a network can come to rely on either."""
+        return self.first.carries_over and self.second.carries_over
+
+    @property
+    def reads_tokens(self) -> bool:
+        """Whether one of them does."""
+        return self.first.reads_tokens or self.second.reads_tokens
+
+
+class JoinedTaskEncoder(nn.Module):
+    """The codes of two encoders, one behind the other."""
+
+    config: JoinedConfig
+
+    def setup(self) -> None:
+        """Name the parts."""
+        self.first = TASK_ENCODERS.maker(self.config.first)(self.config.first)
+        self.second = TASK_ENCODERS.maker(self.config.second)(self.config.second)
+
+    def __call__(self, table: TaskTable) -> jax.Array:
+        """float32[rows, code_size]."""
+        return jnp.concatenate([self.first(table), self.second(table)], axis=-1)
