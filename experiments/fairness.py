@@ -1,5 +1,6 @@
 """What differs between compared runs besides the idea: sizes, pre-training, and what settings were chosen on."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -42,46 +43,61 @@ def _count(params: Any) -> int:
     return sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(params))
 
 
+HEADING = (
+    "run",
+    "settings of",
+    "chosen with",
+    "on seeds",
+    "seeds here",
+    "code width",
+    "encoder",
+    "other parameters",
+    "frames before",
+    "frames",
+)
+"""Of the columns of `row`."""
+
+NOTE = (
+    "Parameters and frames are of one seed; (!): settings were chosen on some of these seeds, or they are kept for "
+    "that. A dash: not known."
+)
+
+
+def row(name: str, config: Config, seeds: Sequence[int], status: Mapping[str, Any], own: Sizes) -> tuple[str, ...]:
+    """What there is to say of one run.
+
+    Args:
+        name: of the run.
+        config: of the run.
+        seeds: of the run.
+        status: what ``status.json`` holds.
+        own: its sizes.
+    """
+    nearest = tuning.nearest(config)
+    tuned = tuning.TUNED.get(nearest)
+    marked = " (!)" if tuning.tuning_seeds(config, seeds) else ""
+    before = status.get("pretraining", {}).get("frames_per_seed") if config.pretrained else 0
+    return (
+        name,
+        nearest,
+        tuned.methods if tuned else "-",
+        tuning.in_words(tuned.seeds) if tuned else "-",
+        tuning.in_words(seeds) + marked,
+        f"{own.code:,}",
+        f"{own.encoder:,}",
+        f"{own.others:,}",
+        "-" if before is None else f"{before:,}",
+        f"{config.frames:,}",
+    )
+
+
 def table(runs: Mapping[str, tuple[Config, Sequence[int], Mapping[str, Any]]]) -> str:
-    """One line for each run.
+    """One line for each run, for a terminal.
 
     Args:
         runs: by name, the configuration, the seeds, and what ``status.json`` holds.
     """
-    header = (
-        "run",
-        "settings of",
-        "chosen with",
-        "on seeds",
-        "seeds here",
-        "code width",
-        "encoder",
-        "other parameters",
-        "frames before",
-        "frames",
-    )
-    lines: list[tuple[str, ...]] = [header]
-    for name, (config, seeds, status) in runs.items():
-        nearest, own = tuning.nearest(config), sizes(config)
-        tuned = tuning.TUNED.get(nearest)
-        marked = " (!)" if tuning.tuning_seeds(config, seeds) else ""
-        before = status.get("pretraining", {}).get("frames_per_seed") if config.pretrained else 0
-        lines.append(
-            (
-                name,
-                nearest,
-                tuned.methods if tuned else "-",
-                tuning.in_words(tuned.seeds) if tuned else "-",
-                tuning.in_words(seeds) + marked,
-                f"{own.code:,}",
-                f"{own.encoder:,}",
-                f"{own.others:,}",
-                "-" if before is None else f"{before:,}",
-                f"{config.frames:,}",
-            )
-        )
+    lines = [HEADING, *(row(name, *run, sizes(run[0])) for name, run in runs.items())]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     text = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
-    text.append("Parameters and frames are of one seed; (!): settings were chosen on some of these seeds, or they are")
-    text.append("kept for that. A dash: not known.")
-    return "\n".join(text)
+    return "\n".join([*text, *textwrap.wrap(NOTE, 100)])

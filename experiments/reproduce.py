@@ -99,6 +99,7 @@ def _main(texts: Sequence[str]) -> int:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):
                 stored.keep(name, base / name, RESULTS / name, agent=name in AGENTS)
+                stored.keep_sizes(RESULTS / name)
     finished = {
         name: run
         for name, run in stored.load(base).items()

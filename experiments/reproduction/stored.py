@@ -3,7 +3,7 @@
 import shutil
 import subprocess
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from experiments.fairness import Sizes, sizes
 from experiments.reproduction.portable import portable
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.statistics import Estimate, rate
@@ -40,6 +41,9 @@ REPOSITORY = Path(__file__).parents[2]
 MOST_MEBIBYTES = 2
 """Size up to which a file of parameters is kept; in ZoneEnv all are smaller, in WaterWorld none is."""
 
+
+SIZES = "sizes.json"
+"""What a run's networks come to, counted when it is kept."""
 
 WRITTEN = ("results/", "docs/", "README.md")
 """What `experiments.reproduce` writes into the repository, which no run depends on."""
@@ -76,6 +80,12 @@ class Stored:
     def versions(self) -> dict[str, Any]:
         """The software, the hardware and the commit that it began with."""
         return read_json(RunFolder(self.path).versions)["started"]
+
+    @property
+    def sizes(self) -> Sizes | None:
+        """Of its networks; None for a run that was kept without them."""
+        file = self.path / SIZES
+        return Sizes(**read_json(file)) if file.is_file() else None
 
     @property
     def seeds(self) -> list[int]:
@@ -124,9 +134,9 @@ class Stored:
         values = {} if report is None else {entry["seed"]: entry[name]["value"] for entry in report["seeds"]}
         return {seed: value for seed, value in values.items() if value is not None}
 
-    def solved(self, limit: int | None = None) -> Estimate:
-        """Share of seeds whose final parameters succeed in over 95 % of the sampled episodes."""
-        rates = self.by_seed("success_rate", limit=limit)
+    def solved(self, limit: int | None = None, policy: str = "sampled") -> Estimate:
+        """Share of seeds whose final parameters succeed in over 95 % of the episodes; *solved* means sampled ones."""
+        rates = self.by_seed("success_rate", policy=policy, limit=limit)
         return rate(sum(value > 0.95 for value in rates.values()), len(rates))
 
 
@@ -188,6 +198,12 @@ def keep(
             shutil.copyfile(source / file, target / file)
     if result is not None:
         _keep_parameters(name, result, RunFolder(target).params, say)
+
+
+def keep_sizes(folder: Path) -> None:
+    """Count what the networks of a kept run come to, which takes seconds, and write it beside its other files."""
+    if (config := RunFolder(folder).config).is_file():
+        write_json(folder / SIZES, asdict(sizes(config_files.load(config))))
 
 
 def _check_history(name: str, revision: str, repository: Path) -> None:

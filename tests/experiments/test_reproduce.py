@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -367,6 +368,12 @@ def test_figures_of_a_stored_run(water):
     dips = np.flatnonzero(np.nan_to_num(curve) <= 0.95)
     last = len(curve) - 1 - dips[-1]  # iterations above 95 % up to the end
     assert np.isfinite(since) == (last >= window(run.config))
+
+
+def test_the_stored_sizes_are_those_of_the_networks(water, tmp_path):
+    shutil.copyfile(water["water-rm"].path / "config.json", tmp_path / "config.json")
+    stored.keep_sizes(tmp_path)
+    assert stored.Stored(tmp_path).sizes == water["water-rm"].sizes and water["water-rm"].sizes.code == 16
 
 
 def test_runs_with_the_same_maps_are_compared_in_pairs_and_corrected_for_all_that_are_planned(water):

@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 
+from experiments import fairness
 from experiments.paper import published_water
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import runs as named
 from experiments.reproduction.claims import differences
+from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import curves_by_episode, curves_by_frames, mean_return_at, methods
 
@@ -52,12 +54,25 @@ WATER_CLAIMS = [
 sub-tasks at once above who does not."""
 
 
+def what_differs(runs: Mapping[str, Stored], labels: Mapping[str, str]) -> str:
+    """One row for each method: sizes, pre-training, and what its settings were chosen on; '' without stored sizes."""
+    rows = [
+        fairness.row(labels[name], run.config, run.seeds, run.status, run.sizes)
+        for name, run in runs.items()
+        if name in labels and run.sizes is not None
+    ]
+    if not rows:
+        return ""
+    return f"What differs beside the method. {fairness.NOTE}\n\n{table(('method', *fairness.HEADING[1:]), rows)}"
+
+
 def zone_figure(runs: Mapping[str, Stored]) -> str:
     """Final figures, curves by frames, and the order of the published curves at their end and over all of training."""
     ends = {name: run.end("discounted_return") for name, run in runs.items()}
     means = {name: run.area("discounted_return") for name, run in runs.items()}
     return _joined(
         methods(runs, ZONE_LABELS, {name: curve[1][-1] for name, curve in ZONE_PUBLISHED.items()}),
+        what_differs(runs, ZONE_LABELS),
         curves_by_frames(runs, ZONE_LABELS, ZONE_MARKS, ZONE_PUBLISHED),
         differences(runs, ZONE_CLAIMS, ends, "return at the end", ZONE_CLAIMS),
         differences(runs, ZONE_CLAIMS, means, "mean return over training", ZONE_CLAIMS),
@@ -70,6 +85,7 @@ def water_figure(runs: Mapping[str, Stored]) -> str:
     means = {name: mean_return_at(run, marks) for name, run in runs.items()}
     return _joined(
         methods(runs, WATER_LABELS),
+        what_differs(runs, WATER_LABELS),
         curves_by_episode(runs, WATER_LABELS, marks, published_water.PHI_WATER),
         differences(runs, WATER_CLAIMS, means, "mean return at these episodes", WATER_CLAIMS),
         "The published RM is the curve of a code of 6 numbers; rm's has 16 here (`--only fig-dimensions` has both)."
