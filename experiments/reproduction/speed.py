@@ -178,7 +178,11 @@ def short_table(results: Path) -> str:
         spans[kind.title] = f"{_span(seconds)}{count}"
     rows = [
         ("T2TL, MJX, 1 seed: `zone_ppo`", "2 CPU cores", spans["T2TL, MJX"]),
-        ("T1TL, MJX, 1 seed: `--method t1tl --pretrained ''`", "2 CPU cores", spans["T1TL, MJX"]),
+        (
+            "T1TL, MJX / closed form, 1 seed: `--method t1tl --pretrained ''`",
+            "2 CPU cores",
+            f"{spans['T1TL, MJX']} / {spans['T1TL, closed form']}",
+        ),
         (
             "T2TL / T1TL, MJX, 12 seeds, pre-training included",
             "H200",
