@@ -36,7 +36,7 @@ def play(
     key: jax.Array,
     episodes: int,
     episode_length: int,
-    discount: float,
+    discount: float | jax.Array,
     deterministic: bool,
 ) -> Episodes:
     """Play ``episodes`` episodes side by side, each to its end or to ``episode_length`` steps; tasks take turns.
@@ -57,7 +57,7 @@ def first_episodes(
     key: jax.Array,
     episodes: int,
     episode_length: int,
-    discount: float,
+    discount: float | jax.Array,
 ) -> Episodes:
     """As `play`, for any policy; `carry` is what it begins with in each of the environments."""
     reset_key, key = jax.random.split(key)
