@@ -169,9 +169,9 @@ def _conclude(runs: Mapping[Path, Any], base: Path) -> None:
     for path, point in runs.items():
         print(_line(point, curves[path], read_json(RunFolder(path).status)))
     print(
-        f"Over 95 %: seeds whose success in training stays there; since how many frames, the median of all seeds;\n"
-        f"discounted return over the last {LAST:.0%} of training with its 95 % interval over seeds; seconds of training,\n"
-        "side by side with so many other points. For tests: python -m experiments.compare RUN RUN --pairs True"
+        "Over 95 %: seeds whose success in training stays there; since how many frames, the median of all seeds;\n"
+        f"discounted return over the last {LAST:.0%} of training, with its 95 % interval over seeds; seconds of\n"
+        "training side by side with so many other points. For tests: python -m experiments.compare RUN RUN --pairs True"
     )
     try:
         plot_runs({point.label: curves[path] for path, point in runs.items()}, base / CURVES)
