@@ -7,6 +7,7 @@ import argparse
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,20 @@ CURVES = "curves.png"
 """The picture of all points."""
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What a command line asks for."""
+
+    base: Path
+    """Where the runs lie."""
+    axes: Sequence[Any]
+    """Of the grid (`grid.Axis`)."""
+    points: Sequence[Any]
+    """Those of the grid (`grid.Point`), in order."""
+    compilation_cache: str
+    """Folder of compiled programs."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command (``arguments`` of the command line by default) and return its exit code: 0 done, 2 bad input."""
     return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
@@ -51,6 +66,32 @@ def _main(texts: list[str]) -> int:
     if HELP & set(texts):
         print(DESCRIPTION)
         return 0
+    plan = read(texts)
+    with quiet_imports():
+        from experiments.cli import compilation_cache, cpu_devices
+    compilation_cache.use(plan.compilation_cache)
+    cpu_devices.use()
+    from t2tl_jax.runs.interrupts import Interrupted, StopRequest
+
+    for axis in plan.axes:
+        print(_in_words(axis, plan.points))
+    runs = {plan.base / point.folder: point for point in plan.points}
+    with StopRequest() as stop:
+        try:
+            _train(runs, plan.base, stop, [*PROG.split(), *texts])
+        except Interrupted as when:
+            print(f"stopped {when}; the same command goes on")
+            return stop.leave(0)
+    _conclude(runs, plan.base)
+    return stop.leave(0)
+
+
+def read(texts: Sequence[str]) -> Plan:
+    """What the command line asks for.
+
+    Raises:
+        UserError: for anything that cannot be used.
+    """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     parser.add_argument("--grid", action="append", default=[])
     parser.add_argument("--folder", type=Path)
@@ -59,30 +100,15 @@ def _main(texts: list[str]) -> int:
     except argparse.ArgumentError as error:
         raise UserError(f"{error}; see --help") from error
     with quiet_imports():
-        from experiments.cli import compilation_cache, cpu_devices, grid, request
+        from experiments.cli import grid, request
 
     asked = request.read(rest)
     if asked.resume is not None or asked.show_list or not own.grid:
         raise UserError(f"a sweep takes --config NAME and at least one --grid FIELD=VALUE,VALUE; see {PROG} --help")
     axes = grid.read_axes(own.grid)
-    points = grid.points(axes, asked, PROG)
     config, name = request.configuration(asked, "", PROG)
-    compilation_cache.use(config.run.compilation_cache)
-    cpu_devices.use()
-    from t2tl_jax.runs.interrupts import Interrupted, StopRequest
-
-    base = (own.folder or Path(config.run.folder) / f"{name}_sweep").expanduser()
-    runs = {base / point.folder: point for point in points}
-    for axis in axes:
-        print(_in_words(axis, points))
-    with StopRequest() as stop:
-        try:
-            _train(runs, base, stop, [*PROG.split(), *texts])
-        except Interrupted as when:
-            print(f"stopped {when}; the same command goes on")
-            return stop.leave(0)
-    _conclude(runs, base)
-    return stop.leave(0)
+    base = own.folder or Path(config.run.folder) / f"{name}_sweep"
+    return Plan(base.expanduser(), axes, grid.points(axes, asked, PROG), config.run.compilation_cache)
 
 
 def _in_words(axis: Any, points: Sequence[Any]) -> str:

@@ -62,7 +62,7 @@ def read_axes(texts: Sequence[str]) -> tuple[Axis, ...]:
     Raises:
         UserError: for one without values, or a field or a value that is given twice.
     """
-    axes = []
+    axes: list[Axis] = []
     for text in texts:
         field, _, values = text.partition("=")
         axis = Axis(field.removeprefix("--").replace("-", "_"), tuple(value.strip() for value in values.split(",")))
