@@ -115,8 +115,10 @@ def _in_words(axis: Any, points: Sequence[Any]) -> str:
     """What the values of a field cost."""
     from experiments.cli import grid
 
-    if all(grid.is_number(point.config, axis.field) for point in points):
-        return f"{axis.flag}: a number that only enters arithmetic; its values train side by side"
+    numbers = [grid.is_number(point.config, axis.field) for point in points]
+    if any(numbers):
+        apart = "" if all(numbers) else "; where there is none (None, or no random starts) it is another program"
+        return f"{axis.flag}: a number that only enters arithmetic; its values train side by side{apart}"
     return f"{axis.flag}: more than a number in the arithmetic; every value is a program of its own"
 
 

@@ -14,6 +14,7 @@ from t2tl_jax.runs import group_split
 from t2tl_jax.runs.config import RunConfig, SelectionConfig
 from t2tl_jax.runs.group import group_folder, make_group, same_program, train_group
 from tests.fake_learner import CONFIG, FakeConfig
+from tests.probe import ProbeEnv
 from tests.training.test_numbers import DQN, PPO
 
 pytestmark = pytest.mark.slow  # nearly every test compiles a training
@@ -141,6 +142,16 @@ def test_what_shares_a_program(learner):
         replace(config, seeds="3,9"),
     ):
         assert not same_program(config, other)
+
+
+def test_every_lane_has_its_own_numbers():
+    """Also the discount factor by which the optimum of random tasks is told."""
+    variants = [replace(CONFIG, task="F Up", learner=replace(PPO, discount=discount)) for discount in (0.9, 0.5)]
+    group = make_group(variants, ProbeEnv())
+    assert (group.seeds, group.lanes) == ((3, 8, 3, 8), (0, 1, 2, 3))
+    assert group.discounts == (0.9, 0.9, 0.5, 0.5)
+    np.testing.assert_array_equal(group.env_params("training").numbers["discount"], np.float32(group.discounts))
+    assert group.env_params("evaluation").numbers == {}
 
 
 def test_other_programs_are_refused():
