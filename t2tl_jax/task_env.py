@@ -7,6 +7,7 @@ comes one step later.
 The row is part of `pipeline_state`, so every auto-reset that restores the pipeline state restores the task with it.
 """
 
+import copy
 from typing import Literal, get_args
 
 import jax
@@ -25,11 +26,12 @@ Labels = Literal["next", "state"]
 class TaskParams:
     """Everything that varies between seeds and tasks, as one pytree: an argument of `reset` and `step`, not a constant.
 
-    Over the seeds of a run `env` is stacked, and all of them share one `table`.
+    Over the seeds of a run `env` and `numbers` are stacked, and all of them share one `table`.
     """
 
     env: EnvParams  # of the wrapped environment
     table: TaskTable  # the tasks
+    numbers: dict[str, jax.Array] = struct.field(default_factory=dict)  # float32 scalars: see `training/numbers.py`
 
 
 @struct.dataclass
@@ -81,8 +83,15 @@ class TaskEnv(Env):
             raise ValueError(f"labels must be one of {', '.join(get_args(Labels))}, got {labels!r}")
         self.env = env
         self.table = table
-        self.random_starts = random_starts
+        self.random_starts: float | jax.Array = random_starts
+        self.starts_anywhere = random_starts > 0.0
         self.labels = labels
+
+    def with_random_starts(self, share: jax.Array) -> "TaskEnv":
+        """The same with another share (float32 scalar) in a program under way; not of an environment without any."""
+        same = copy.copy(self)
+        same.random_starts = share
+        return same
 
     def make_params(self, seed: int, purpose: Purpose = "training") -> TaskParams:
         """The environment's parameters for a seed, and the table; see `LabelledEnv.make_params`."""
@@ -97,7 +106,7 @@ class TaskEnv(Env):
         env_key, task_key, row_key = jax.random.split(rng, 3)
         tasks = params.table.initial_row
         row = jax.random.choice(task_key, tasks) if turn is None else tasks[turn % len(tasks)]
-        if self.random_starts > 0.0:
+        if self.starts_anywhere:
             share_key, row_key = jax.random.split(row_key)
             is_open = params.table.is_open.astype(jnp.float32)
             random_row = jax.random.categorical(row_key, jnp.log(is_open))

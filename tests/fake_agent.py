@@ -3,7 +3,7 @@
 import os
 import time
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -37,6 +37,8 @@ class FakeConfig(LearnerConfig):
     """Discount factor gamma."""
     rate: float = 1e-2
     """Step size of Adam."""
+
+    traced: ClassVar[tuple[str, ...]] = ("rate",)
 
     @property
     def task_encoder(self) -> TaskEncoderConfig:

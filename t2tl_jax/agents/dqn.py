@@ -9,7 +9,7 @@ environment pays by itself is paid to every row, and an end that it makes is the
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import flashbax
 import jax
@@ -81,6 +81,11 @@ class DQNConfig(AdamLearnerConfig):
     shaping: bool = False
     """Learn from rewards shaped by a potential of the table's rows (Toro Icarte et al., 2022), which changes no best
     policy; see `agents/shaping.py`. What is reported stays unshaped."""
+
+    traced: ClassVar[tuple[str, ...]] = (
+        *AdamLearnerConfig.traced,
+        *("discount", "learning_rate", "max_gradient_norm", "epsilon_start", "epsilon_end", "epsilon_fraction"),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

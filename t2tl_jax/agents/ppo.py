@@ -7,7 +7,7 @@ iteration is one pure function of the training state.
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -74,6 +74,12 @@ class PPOConfig(AdamLearnerConfig):
     """Treat the time limit as an end of the task (published code) instead of bootstrapping from the last state."""
     staggered_start: bool = True
     """Cut the very first episode of each environment at a random length, so that resets do not come in step."""
+
+    traced: ClassVar[tuple[str, ...]] = (
+        *AdamLearnerConfig.traced,
+        *("discount", "gae_lambda", "learning_rate", "adam_epsilon", "max_gradient_norm"),
+        *("clip_eps", "value_coefficient", "entropy_coefficient", "noise_time", "noise_decay"),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -4,8 +4,6 @@ A step from row u to row u' is learned as if it paid `r + gamma * Phi(u') - Phi(
 constant of its start, so that no policy gains on another: the best policies stay the best (Ng et al., 1999).
 """
 
-import math
-
 import jax
 import jax.numpy as jnp
 
@@ -15,7 +13,7 @@ TOLERANCE = 1e-7
 """Value iteration stops when no value changes by more, as published, or when it cannot change by more."""
 
 
-def potential(table: TaskTable, discount: float) -> jax.Array:
+def potential(table: TaskTable, discount: float | jax.Array) -> jax.Array:
     """Phi of every row, float32[rows]: minus the value of the row to somebody who chooses the letters.
 
     That value is V(u) = max over letters of r + gamma V(u'), by value iteration on the table alone; rows with a verdict
@@ -34,7 +32,7 @@ def potential(table: TaskTable, discount: float) -> jax.Array:
         better = jnp.where(table.is_open, (reward + discount * value[following]).max(axis=-1), 0.0)
         return better, jnp.abs(better - value).max(), count + 1
 
-    most = 1 if discount == 0 else math.ceil(math.log(TOLERANCE) / math.log(discount))
+    most = jnp.maximum(1.0, jnp.ceil(jnp.log(TOLERANCE) / jnp.log(discount)))  # of a discount of 0 the quotient is 0
     start = (jnp.zeros(table.num_rows, jnp.float32), jnp.float32(jnp.inf), jnp.int32(0))
     value, _, _ = jax.lax.while_loop(lambda carry: (carry[1] > TOLERANCE) & (carry[2] < most), improve, start)
     return -value

@@ -36,7 +36,7 @@ def play(
     key: jax.Array,
     episodes: int,
     episode_length: int,
-    discount: float,
+    discount: float | jax.Array,
     deterministic: bool,
 ) -> Episodes:
     """Play ``episodes`` episodes side by side, each to its end or to ``episode_length`` steps; tasks take turns.
@@ -57,7 +57,7 @@ def first_episodes(
     key: jax.Array,
     episodes: int,
     episode_length: int,
-    discount: float,
+    discount: float | jax.Array,
 ) -> Episodes:
     """As `play`, for any policy; `carry` is what it begins with in each of the environments."""
     reset_key, key = jax.random.split(key)
@@ -115,7 +115,8 @@ def player_of_seeds(
     """`play` for every seed as one jitted function, ``(params, env_params, keys) -> Episodes``, ``[seeds, episodes]``.
 
     The parameters have a leading axis [seeds], those of the environment are of ``params_of_seeds``, and the keys are
-    ``key[seeds]``, of a stream kept for the purpose.
+    ``key[seeds]``, of a stream kept for the purpose. Numbers that come in with those of the environment are taken
+    instead of the learner's own.
 
     Args:
         env: the environment.
@@ -127,6 +128,8 @@ def player_of_seeds(
     """
 
     def one_seed(params: Params, env_params: TaskParams, key: jax.Array) -> Episodes:
-        return play(env, agent, params, env_params, key, episodes, episode_length, discount, deterministic)
+        player = agent if agent.given is None else agent.given(env_params)
+        gamma = env_params.numbers.get("discount", discount)
+        return play(env, player, params, env_params, key, episodes, episode_length, gamma, deterministic)
 
     return jax.jit(jax.vmap(one_seed, (0, OVER_SEEDS, 0)))

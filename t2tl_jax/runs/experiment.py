@@ -17,6 +17,7 @@ from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import Pools, make_pools, make_table
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.devices import seed_sharding
+from t2tl_jax.training.numbers import make_given, numbers_of
 from t2tl_jax.training.program import OVER_SEEDS, Program, params_of_seeds, trace
 from t2tl_jax.training.seeds import TRAINING, parse_seeds, stream_keys
 from t2tl_jax.training.types import Agent
@@ -39,8 +40,23 @@ class Experiment:
 
     @property
     def seeds(self) -> tuple[int, ...]:
-        """Numbers of the seeds, all of which train in one program."""
+        """Numbers of the seeds, all of which train in one program, side by side."""
         return parse_seeds(self.config.seeds)
+
+    @property
+    def lanes(self) -> tuple[int, ...]:
+        """What metrics and checkpoints call the trainings that go side by side: the seeds."""
+        return self.seeds
+
+    @property
+    def numbers(self) -> list[dict[str, float]]:
+        """The numbers of each lane that only enter arithmetic; see `training/numbers.py`."""
+        return [numbers_of(self.config.learner, self.config.random_starts)] * len(self.seeds)
+
+    @property
+    def discounts(self) -> tuple[float, ...]:
+        """The discount factor of each lane."""
+        return tuple(numbers.get("discount", self.config.learner.discount) for numbers in self.numbers)
 
     @property
     def task_env(self) -> TaskEnv:
@@ -55,12 +71,13 @@ class Experiment:
     def env_params(self, purpose: Purpose) -> TaskParams:
         """What varies between the seeds, stacked with leading axis [seeds], and the one table of all of them.
 
-        Where maps or tasks are random, each purpose has its own.
+        Where maps or tasks are random, each purpose has its own. An evaluation is of one configuration, which the
+        learner was made from; elsewhere the numbers of each lane come in as well.
         """
-        table = self.table
+        table, numbers = self.table, None if purpose == "evaluation" else self.numbers
         if self.pools is not None and purpose != "evaluation":
             table = self.table_at(0) if purpose == "training" else self.pools.selection()
-        return params_of_seeds(TaskEnv(self.env, table), self.seeds, purpose)
+        return params_of_seeds(TaskEnv(self.env, table), self.seeds, purpose, numbers)
 
     @property
     def sharding(self) -> NamedSharding | None:
@@ -136,8 +153,8 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
         pools = make_pools(config, env)
         table = make_table(config, env) if pools is None else pools.evaluation
         training_env = TaskEnv(env, table, config.random_starts, config.labels)
-        make_agent = AGENTS.maker(config.learner)
-        agent = make_agent(training_env, config.learner, config.episode_length, config.iterations)
+        make = AGENTS.maker(config.learner)
+        agent = make_given(make, training_env, config.learner, config.episode_length, config.iterations)
         if pools is not None and agent.restart is None:
             raise UserError(
                 f"{config.task} is a family of random tasks, which change during training, and this learner cannot go "

@@ -1,9 +1,9 @@
 """Train, resume and load: the runs of this library from Python. Nothing here prints; callbacks see what happens."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from t2tl_jax.env import EnvConfig, LabelledEnv
 from t2tl_jax.errors import UserError, explained
@@ -11,23 +11,19 @@ from t2tl_jax.evaluation.report import Report
 from t2tl_jax.ltl import TaskFamily
 from t2tl_jax.names import nearest
 from t2tl_jax.registry import named_config
-from t2tl_jax.runs import config_files, machine_files, params_file, pretraining
+from t2tl_jax.runs import config_files, params_file, pretraining, sessions
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.callbacks import Callback
-from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
+from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.config import Config
-from t2tl_jax.runs.evaluations import Which
-from t2tl_jax.runs.experiment import Experiment, build
+from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.given_env import GivenEnv
-from t2tl_jax.runs.interrupts import Interrupted, NeverStop, Stoppable
-from t2tl_jax.runs.metrics_file import MetricsFileError, history
+from t2tl_jax.runs.interrupts import NeverStop, Stoppable
 from t2tl_jax.runs.migration import VERSION
-from t2tl_jax.runs.provenance import describe
 from t2tl_jax.runs.result import Result
-from t2tl_jax.runs.training import Training
 from t2tl_jax.training.seeds import parse_seeds
-from t2tl_jax.training.types import LearnerConfig, Params
+from t2tl_jax.training.types import LearnerConfig
 
 CHANGEABLE = ("frames", "convergence", "until_solved", "run")
 """Fields of a configuration that may change when a run is resumed."""
@@ -75,9 +71,9 @@ def train(
         chosen = pretraining.located(chosen)
         if folder is not None:
             run_folder.check_new(Path(folder))
-        session = _Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
-        experiment, before = session.stop.call(lambda: _checked(chosen, env, first), "while preparing")
-        return _started(experiment, None if folder is None else Path(folder), session, first or before)
+        session = sessions.Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
+        experiment, before = session.stop.call(lambda: sessions.checked(build(chosen, env), first), "while preparing")
+        return sessions.started(experiment, None if folder is None else Path(folder), session, first or before)
 
 
 def resume(
@@ -102,7 +98,7 @@ def resume(
         UserError: if the folder or the changes cannot be used.
         Interrupted: as for `train`.
     """
-    session = _Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
+    session = sessions.Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
     with explained():
         run, stored = run_folder.open_existing(Path(folder))
         if config_files.stored_version(run.config) != VERSION:
@@ -118,8 +114,10 @@ def resume(
         refuse_other_changes(stored, config)
         with Checkpoints(run.checkpoints) as checkpoints:
             begun = checkpoints.latest_iteration() is not None
-        experiment, before = session.stop.call(lambda: _checked(config, env, None, begun), "while preparing")
-        return _continued(experiment, run, session, before)
+        experiment, before = session.stop.call(
+            lambda: sessions.checked(build(config, env), None, begun), "while preparing"
+        )
+        return sessions.continued(experiment, run, session, before)
 
 
 def load(
@@ -145,7 +143,7 @@ def load(
         if params_file.stands_in(run):
             stored = replace(stored, seeds=_in_words(_seeds_kept(run, stored)))
         experiment = build(_changed(stored, changes), env)
-        return _loaded(experiment, run)
+        return sessions.loaded(experiment, run)
 
 
 def _configuration(
@@ -213,114 +211,6 @@ def refuse_other_changes(stored: Config, config: Config) -> None:
         )
 
 
-def _checked(
-    config: Config, env: LabelledEnv | None, first: Result | None, begun: bool = False
-) -> tuple[Experiment, Experiment | None]:
-    """Environment, table, learner and its traced program; everything that can be checked is checked here.
-
-    Args:
-        config: what to train.
-        env: the environment, where it was given.
-        first: the pre-training, where it was given.
-        begun: whether there is a checkpoint to go on from, which needs its pre-training no more.
-
-    Returns:
-        What `config` stands for, and the same of its pre-training, if it is to begin with one.
-    """
-    experiment, before = build(config, env), None
-    if not begun:
-        if config.pretrained:
-            before = pretraining.check(experiment, first)
-            if pretraining.is_auto(config):
-                before.compilation(fresh=True)  # goes on beside the tracing below
-        if experiment.pools is not None:
-            experiment.pools.training(0)  # too small caps end a run here or never
-    try:
-        _ = experiment.program
-    except TypeError as error:
-        raise UserError(str(error)) from error
-    if not begun:
-        experiment.compilation(fresh=True)
-    return experiment, before
-
-
-@dataclass(frozen=True)
-class _Session:
-    """Who watches a training, and who may stop it."""
-
-    callbacks: Sequence[Callback]
-    pretraining_callbacks: Sequence[Callback]
-    stop: Stoppable
-    command: Sequence[str] | None
-
-    @property
-    def versions(self) -> dict[str, Any]:
-        """For the record of the run."""
-        return describe(self.command and list(self.command))
-
-    @property
-    def of_pretraining(self) -> "_Session":
-        """The same for the pre-training."""
-        return replace(self, callbacks=self.pretraining_callbacks, pretraining_callbacks=())
-
-
-Before: TypeAlias = Experiment | Result | None
-"""A pre-training that is to come, one that is there, or none."""
-
-
-def _started(experiment: Experiment, folder: Path | None, session: _Session, before: Before) -> Result:
-    """A training from its start."""
-    run = None
-    if folder is not None:
-        config = experiment.config
-        run = run_folder.create(folder, config, session.versions)
-        experiment = experiment.with_config(machine_files.with_copy(config, run.path))
-    return Training(experiment, session.stop, session.callbacks, run, _pretrain(experiment, run, session, before)).run()
-
-
-def _continued(experiment: Experiment, run: RunFolder, session: _Session, before: Before) -> Result:
-    """A training from its last checkpoint, or from its start if it has none."""
-    with run_folder.locked(run):
-        versions = run_folder.read_json(run.versions)
-        versions.setdefault("resumed", []).append(session.versions)
-        run_folder.write_json(run.versions, versions)
-        run_folder.write_config(run, experiment.config)
-    return Training(experiment, session.stop, session.callbacks, run, _pretrain(experiment, run, session, before)).run()
-
-
-def _loaded(experiment: Experiment, run: RunFolder) -> Result:
-    """What a run on disk has come to."""
-    try:
-        shapes = experiment.params_shapes
-    except (ValueError, TypeError) as error:
-        raise UserError(
-            f"the network of {run.path} cannot read {experiment.config.task}: {error}\n"
-            "A trained network keeps the kind and the sizes that it was made with: choose a task within them, or "
-            "train another run for this one."
-        ) from error
-    try:
-        iteration, params = _restored(run, shapes)
-    except CheckpointError as error:
-        raise UserError(str(error)) from error
-    try:
-        metrics = history(run.metrics, experiment.seeds if params_file.stands_in(run) else None)
-    except MetricsFileError:  # the parameters can be used without
-        metrics = {}
-    status = run_folder.read_json(run.status)
-    ended = status.get("ended") or status.get("state", "unknown")
-    return Result(experiment, params, metrics, iteration, ended, run.path)
-
-
-def _restored(run: RunFolder, shapes: Params) -> tuple[int, dict[Which, Params]]:
-    """The iteration, and the final and the best parameters."""
-    if params_file.stands_in(run):
-        return params_file.read(run.params, shapes)
-    with Checkpoints(run.checkpoints) as checkpoints:
-        iteration, final = checkpoints.restore_params("latest", shapes)
-        _, best = checkpoints.restore_params("best", shapes)
-    return iteration, {"final": final, "best": best}
-
-
 def _seeds_kept(run: RunFolder, config: Config) -> tuple[int, ...]:
     """The seeds of a run of which there are parameters; UserError if these are none of its own."""
     kept, known = params_file.seeds(run.params), parse_seeds(config.seeds)
@@ -332,43 +222,6 @@ def _seeds_kept(run: RunFolder, config: Config) -> tuple[int, ...]:
 def _in_words(seeds: Sequence[int]) -> str:
     """The text that means these seeds, also if it is a single one."""
     return ",".join(map(str, seeds)) + ","
-
-
-def _pretrain(
-    experiment: Experiment, run: RunFolder | None, session: _Session, before: Before
-) -> Callable[[], Result] | None:
-    """What gives the pre-training of a run; None where there is none."""
-    if before is None or isinstance(before, Result):
-        return None if before is None else lambda: before
-    if not pretraining.is_auto(experiment.config):
-        return lambda: _loaded(before, RunFolder(Path(experiment.config.pretrained)))
-    folder = None if run is None else run.path / pretraining.FOLDER
-    return lambda: _pretrained(before, folder, session.of_pretraining)
-
-
-def _pretrained(before: Experiment, folder: Path | None, session: _Session) -> Result:
-    """The pre-training that a configuration asks for: begun, taken up again, or only loaded.
-
-    Raises:
-        Interrupted: if it did not come to its end. It goes on where it stopped when the run is resumed.
-    """
-    wanted = before.config
-    try:
-        if folder is None or not (folder / "config.json").is_file():
-            _ = before.program  # says what is wrong before a folder is made
-            result = _started(before, folder, session, None)
-        else:
-            run, stored = run_folder.open_existing(folder)
-            if not pretraining.same_run(stored, wanted):
-                raise UserError(f"{folder} holds a run of another configuration; move it away")
-            if run_folder.read_json(run.status).get("state") == "finished":
-                return _loaded(before, run)
-            result = _continued(before.with_config(replace(stored, run=wanted.run)), run, session, None)
-    except Interrupted as when:
-        raise Interrupted(f"during pre-training, {when}") from None
-    if result.ended == "interrupted":
-        raise Interrupted(f"during pre-training, after iteration {result.iteration:,} of {wanted.iterations:,}")
-    return result
 
 
 def evaluate(run: Result | str | Path, **options: Any) -> dict[str, Report]:

@@ -70,7 +70,7 @@ class Training:
         path = None if self.paths is None else self.paths.path
         pools = experiment.pools is not None
         self.progress = progress = TrainingProgress(
-            config, experiment.seeds, config.iterations, frames, pools, path, experiment.devices
+            config, experiment.lanes, config.iterations, frames, pools, path, experiment.devices
         )
         with ExitStack() as stack:
             files = self._open(stack)
@@ -116,7 +116,7 @@ class Training:
         if self.checkpoints is not None and self.checkpoints.latest_iteration() is not None:
             try:
                 info = self.checkpoints.info()
-                if tuple(info.get("seeds", ())) != experiment.seeds:
+                if tuple(info.get("seeds", ())) != experiment.lanes:
                     raise UserError(f"{self.checkpoints.folder} holds other seeds than the configuration names")
                 done, state = self.checkpoints.restore(experiment.program.state)
                 _, self.best = self.checkpoints.restore_params("best", experiment.program.state.params)
@@ -128,7 +128,7 @@ class Training:
             state = place(state, experiment.program.sharding)
             self.progress.done = self.progress.started_from = done
             earlier = self._earlier(done)
-        seeds = len(experiment.seeds)
+        seeds = len(experiment.lanes)
         self.past = History(earlier)
         self.convergence = Convergence(
             config.convergence, seeds, earlier.get("discounted_return"), earlier.get("optimal_return")
@@ -211,7 +211,7 @@ class Training:
         program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
         env_params = program.env_params
         pools = Prefetch(experiment.pools.training if experiment.pools else lambda number: experiment.table)
-        optima: dict[int, float] = {}
+        optima: dict[int, list[float]] = {}
         begin = time.monotonic()
 
         def prepare(done: int, state: Any) -> tuple[Any, Any]:
@@ -219,7 +219,8 @@ class Training:
             renew = experiment.pools is not None and done % config.pool.period == 0
             if experiment.pools is not None and (renew or done == progress.started_from):
                 table = pools.get(number := done // config.pool.period)
-                optima[number] = optimal_return(table, config.learner.discount)
+                best = {discount: optimal_return(table, discount) for discount in set(experiment.discounts)}
+                optima[number] = [best[discount] for discount in experiment.discounts]
                 env_params = place_params(replace(env_params, table=table), program.sharding)
             if renew and done:
                 state = compiled.restart(state, env_params)
@@ -228,8 +229,9 @@ class Training:
         def record(iteration: int, metrics: Metrics) -> None:
             progress.done, progress.train_seconds = iteration, time.monotonic() - begin
             new = rows(metrics, iteration, iteration * frames, progress.seeds)
-            for row in new if experiment.pools is not None else ():
-                row["optimal_return"] = optima[(iteration - 1) // config.pool.period]
+            if experiment.pools is not None:
+                for row, optimum in zip(new, optima[(iteration - 1) // config.pool.period], strict=True):
+                    row["optimal_return"] = optimum
             self.convergence.add(new)
             self.success.add(new)
             progress.success_since = tuple(int(since) for since in self.success.since)

@@ -1,7 +1,9 @@
 """The optimiser of both learners."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
+import jax
 import optax
 
 from t2tl_jax import checks
@@ -19,6 +21,8 @@ class AdamLearnerConfig(LearnerConfig):
     task_encoder_learning_rate: float | None = None
     """Step size of Adam for the task encoder, annealed as the other one is; None for the same as the rest."""
 
+    traced: ClassVar[tuple[str, ...]] = ("task_encoder_learning_rate",)
+
     def __post_init__(self) -> None:
         if self.task_encoder_learning_rate is None:
             return
@@ -31,12 +35,12 @@ class AdamLearnerConfig(LearnerConfig):
 
 
 def clipped_adam(
-    learning_rate: float,
-    max_gradient_norm: float,
+    learning_rate: float | jax.Array,
+    max_gradient_norm: float | jax.Array,
     gradient_steps: int,
     anneal: bool,
-    epsilon: float = 1e-8,
-    task_encoder_learning_rate: float | None = None,
+    epsilon: float | jax.Array = 1e-8,
+    task_encoder_learning_rate: float | jax.Array | None = None,
 ) -> optax.GradientTransformation:
     """Adam on gradients that are clipped by their global norm.
 
@@ -49,7 +53,7 @@ def clipped_adam(
         task_encoder_learning_rate: step size of the task encoder's parameters; None for the same.
     """
 
-    def adam(rate: float) -> optax.GradientTransformation:
+    def adam(rate: float | jax.Array) -> optax.GradientTransformation:
         return optax.adam(optax.linear_schedule(rate, 0.0, gradient_steps) if anneal else rate, eps=epsilon)
 
     step = adam(learning_rate)

@@ -1,6 +1,6 @@
 """A learner of one seed made into the one compiled program that trains all seeds of a run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -15,8 +15,9 @@ from t2tl_jax.training.devices import SEEDS
 from t2tl_jax.training.seeds import TRAINING, stream_keys
 from t2tl_jax.training.types import Agent
 
-OVER_SEEDS = TaskParams(env=0, table=None)  # type: ignore[arg-type]
-"""Axes of the parameters that all seeds are given: what the environment varies is stacked, the table is the same."""
+OVER_SEEDS = TaskParams(env=0, table=None, numbers=0)  # type: ignore[arg-type]
+"""Axes of the parameters that all seeds are given: what the environment varies is stacked, as are the numbers, and the
+table is the same."""
 
 
 @dataclass(frozen=True)
@@ -40,14 +41,27 @@ class Program:
     shapes; the given state's memory is reused. None unless asked for."""
 
 
-def params_of_seeds(env: TaskEnv, seeds: Sequence[int], purpose: Purpose = "training") -> TaskParams:
+def params_of_seeds(
+    env: TaskEnv,
+    seeds: Sequence[int],
+    purpose: Purpose = "training",
+    numbers: Sequence[Mapping[str, float]] | None = None,
+) -> TaskParams:
     """The environment's parameters of every seed with a leading axis [seeds], and one table; see `TaskEnv.make_params`.
+
+    Args:
+        env: with the tasks.
+        seeds: their numbers, of which some may come more than once.
+        purpose: what the parameters are for.
+        numbers: those of every seed, by the same names; None where the learner keeps to those of its configuration.
 
     Raises:
         ValueError: for a seed that the environment has nothing for.
     """
-    each = [env.make_params(seed, purpose) for seed in seeds]
-    return TaskParams(env=jax.tree.map(lambda *x: np.stack(x), *(own.env for own in each)), table=each[0].table)
+    own = {seed: env.make_params(seed, purpose) for seed in dict.fromkeys(seeds)}
+    stacked = jax.tree.map(lambda *x: np.stack(x), *(own[seed].env for seed in seeds))
+    given = jax.tree.map(lambda *x: np.array(x, np.float32), *(dict(of) for of in numbers)) if numbers else {}
+    return TaskParams(env=stacked, table=own[seeds[0]].table, numbers=given)
 
 
 def place_params(env_params: TaskParams, sharding: NamedSharding | None) -> TaskParams:
@@ -110,10 +124,11 @@ def trace(
 
 
 def _placement(sharding: NamedSharding | None) -> Any:
-    """Where the parameters of all seeds lie: the environment's with their seeds, the table on every device."""
+    """Where the parameters of all seeds lie: what is stacked with their seeds, the table on every device."""
     if sharding is None:
         return None
-    return TaskParams(env=sharding, table=NamedSharding(sharding.mesh, PartitionSpec()))  # type: ignore[arg-type]
+    table = NamedSharding(sharding.mesh, PartitionSpec())
+    return TaskParams(env=sharding, table=table, numbers=sharding)  # type: ignore[arg-type]
 
 
 def _strongly_typed(tree: Any) -> Any:

@@ -5,9 +5,10 @@ between seeds and tasks comes in as an argument, `env_params`.
 """
 
 import abc
-from collections.abc import Callable
+import copy
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 import jax
 import jax.numpy as jnp
@@ -64,6 +65,23 @@ class LearnerConfig(abc.ABC):
     discount: float
     """Discount factor gamma."""
 
+    traced: ClassVar[tuple[str, ...]] = ()
+    """Fields with numbers that only enter arithmetic: no branch of Python and no shape depends on them. Where they are
+    named, configurations that differ in nothing else share one compiled program. A field that holds None does not
+    count."""
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The numbers that only enter arithmetic, by the names of their fields."""
+        return {name: value for name in self.traced if (value := getattr(self, name)) is not None}
+
+    def with_numbers(self, numbers: Mapping[str, Any]) -> Self:
+        """The same with other values of some fields, which are not checked: those that a program is given later."""
+        same = copy.copy(self)
+        for name, value in numbers.items():
+            object.__setattr__(same, name, value)
+        return same
+
     @property
     def task_encoder(self) -> TaskEncoderConfig | None:
         """What reads the task; None for a learner that has nothing of the kind."""
@@ -117,6 +135,8 @@ class Agent(NamedTuple):
         that it holds.
     num_envs: environments that `iterate` may spread over devices, where it marks its arrays by `devices.over_envs`; 1
         for learners that do not.
+    given(env_params) -> the same learner with the numbers in `env_params`, if there are any, instead of those of its
+        configuration. Not for a learner to define: see `training/numbers.py`.
 
     `env_params` are those of the `TaskEnv`; params are the network's. The arrays of a carry have the leading axes of
     `obs`.
@@ -135,6 +155,7 @@ class Agent(NamedTuple):
     compare: Callable[[Params, AgentCarry, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]] | None = None
     map_params: Callable[[Any, Callable[[Params], Params]], Any] = map_params
     num_envs: int = 1
+    given: Callable[[TaskParams], "Agent"] | None = None
 
 
 def repeated(carry: AgentCarry, size: int) -> AgentCarry:

@@ -108,7 +108,7 @@ def advance(
     carry: AgentCarry,
     key: jax.Array,
     limit: int,
-    discount: float,
+    discount: float | jax.Array,
 ) -> tuple[Episode, AgentCarry, Step]:
     """One step of all environments; finished episodes are replaced by new ones of `limit` steps."""
     act_key, reset_key = jax.random.split(key)
@@ -159,7 +159,7 @@ def unroll(
     key: jax.Array,
     length: int,
     limit: int,
-    discount: float,
+    discount: float | jax.Array,
     keep: Callable[[Step], Any] = lambda step: (),
 ) -> tuple[Episode, AgentCarry, Any]:
     """`length` steps of N environments, from episode to episode.
@@ -188,7 +188,7 @@ def unroll(
     return episodes, carry, kept
 
 
-def discounted(so_far: jax.Array, reward: jax.Array, elapsed: jax.Array, discount: float) -> jax.Array:
+def discounted(so_far: jax.Array, reward: jax.Array, elapsed: jax.Array, discount: float | jax.Array) -> jax.Array:
     """The discounted return of an episode, sum of discount^t r_t, with one more reward after `elapsed` steps."""
     return so_far + discount ** elapsed.astype(jnp.float32) * reward
 

@@ -116,6 +116,28 @@ def test_rewards_are_discounted_from_the_first_step():
     assert not (episodes.success | episodes.violation | episodes.env_termination).any()
 
 
+def test_seeds_play_with_their_own_numbers():
+    """Where numbers come in with the environment's parameters: the learner's, and the discount factor."""
+    probe = ProbeEnv()
+    env = TaskEnv(probe, compile_tasks(["F(Up & F Down)"], probe.propositions, probe.alphabet))
+
+    def turning(after):
+        """Acts Up in the first row, and in the second as the number says: Down, or nothing."""
+
+        def act(params, embedding, carry, obs, row, key, deterministic):
+            return jnp.where(row == env.table.initial_row[0], 1.0, after)[:, None]
+
+        return IDLE._replace(act=act)
+
+    agent = turning(0.0)._replace(given=lambda env_params: turning(env_params.numbers["after"]))
+    numbers = [{"after": -1.0, "discount": 0.5}, {"after": 0.0, "discount": 0.5}, {"after": -1.0, "discount": 0.25}]
+    given = params_of_seeds(env, (0, 0, 0), numbers=numbers)
+    run = player_of_seeds(env, agent, 1, 5, 0.9, deterministic=False)
+    episodes = run(jnp.zeros(3), given, stream_keys((0, 0, 0), EVALUATION))
+    assert episodes.length.tolist() == [[2], [5], [2]]
+    np.testing.assert_allclose(episodes.discounted_return, [[0.5], [0.0], [0.25]])
+
+
 def test_a_report_by_hand():
     episodes = Episodes(
         success=np.array([[True, False, False, False]]),

@@ -12,6 +12,7 @@ from pathlib import Path
 import jax
 import pytest
 
+from experiments import sweep
 from experiments.cli import request
 from t2tl_jax import registry
 from t2tl_jax.errors import UserError
@@ -135,6 +136,8 @@ def test_modules_exist(page):
 def test_training_commands_are_understood(page, corridor):
     """Configuration, method and every flag, read as the command itself reads them, but for names of folders."""
     for module, words in commands(page):
+        if module == "experiments.sweep":
+            assert sweep.read(words).points
         prefix = {"experiments.run": "", "experiments.pretrain": "pretrain_"}.get(module)
         if prefix is None or "--resume" in words:
             continue

@@ -1,0 +1,118 @@
+"""Sweeps: which points a grid has, what shares a program, what is refused, and what the command leaves."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import tests.fake_learner  # noqa: F401, the configuration `fake`
+from experiments import compare, evaluate, sweep
+from experiments.cli import grid, request
+from t2tl_jax.errors import UserError
+from t2tl_jax.runs import folder as run_folder
+
+
+def points(config, *texts):
+    return grid.points(grid.read_axes(texts), request.read(["--config", config]), "sweep")
+
+
+# ----- the points of a grid -----
+
+
+def test_a_grid_is_the_product_of_its_axes():
+    found = points("zone_ppo", "--learner.learning-rate=1e-4,3e-4", "method=t1tl,gnn")
+    assert [point.label for point in found] == [
+        f"learning-rate={rate},method={method}" for rate in ("1e-4", "3e-4") for method in ("t1tl", "gnn")
+    ]
+    assert [point.config.learner.learning_rate for point in found] == [1e-4, 1e-4, 3e-4, 3e-4]
+    assert all(point.config.learner.network.context is None for point in found)
+    assert [len(group) for group in sweep._groups({Path(p.folder): p.config for p in found})] == [2, 2]
+
+
+def test_values_are_those_of_the_flags():
+    sizes = [p.config.learner.network.actor_layers for p in points("zone_ppo", "learner.network.actor_layers=64 32,8")]
+    assert sizes == [(64, 32), (8,)]
+    (window, none) = points("zone_ppo", "learner.network.context.length=4", "task=F Red,F(Red & F White)")
+    assert (window.config.task, none.config.task) == ("F Red", "F(Red & F White)")
+    assert window.folder == "length=4,task=F_Red-" + window.folder[-6:] and window.folder != none.folder
+
+
+@pytest.mark.parametrize(
+    ("field", "numbers"),
+    [
+        ("learner.discount", True),
+        ("learner.noise_time", True),
+        ("learner.epochs", False),
+        ("random_starts", False),  # there are none in this configuration
+        ("method", False),
+        ("task", False),
+    ],
+)
+def test_which_fields_are_numbers(field, numbers):
+    (point,) = points("zone_ppo", "learner.clip-eps=0.1")
+    assert grid.is_number(point.config, field) == numbers
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        (["learner.learning-rat=1,2"], "learning-rat: .*no such field; the nearest .* is learner.learning-rate"),
+        (["learner.network.context.lenght=2"], "no such field; the nearest .* learner.network.context.length"),
+        (["run.gif=True,False"], "run.gif: it cannot be swept: .*changes nothing in it; the nearest field that can is"),
+        (["seeds=1,2"], "seeds: it cannot be swept: every point .* --seeds names; the nearest field that can is"),
+        (["learner.discount"], "--grid takes FIELD=VALUE,VALUE, such as"),
+        (["learner.discount=0.9,"], "--grid takes FIELD=VALUE,VALUE, such as"),
+        (["learner.discount=0.9", "learner.discount=0.8"], "may be given once"),
+        (["learner.discount=0.9,0.90"], "discount=0.90 is the same configuration as discount=0.9"),
+        (["learner.discount=0.9,1.9"], "discount must lie between 0 and 1, got 1.9"),
+        (["learner.epochs=many"], "learner.epochs takes a whole number"),
+        (["method=t3tl"], "unknown method 't3tl'; did you mean 't2tl'"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused(texts, said):
+    with pytest.raises(UserError, match=said):
+        points("zone_ppo", *texts)
+
+
+# ----- the command -----
+
+
+def command(folder, *flags):
+    return sweep.main(["--config", "fake", "--folder", str(folder), "--seeds", "2", *flags])
+
+
+@pytest.mark.slow
+def test_a_sweep_leaves_ordinary_runs_a_table_and_a_picture(tmp_path, capsys):
+    grids = ("--grid", "learner.rate=1e-2,3e-2", "--grid", "episode-length=5,6")
+    assert command(tmp_path / "sweep", *grids) == 0
+    said = capsys.readouterr().out
+    assert "learner.rate: a number that only enters arithmetic" in said
+    assert "episode-length: more than a number in the arithmetic" in said
+    assert said.count("compiled in") == 2 and "program 2 of 2, 2 points" in said
+    names = [f"rate={rate},episode-length={length}" for rate in ("1e-2", "3e-2") for length in (5, 6)]
+    assert {path.name for path in (tmp_path / "sweep").iterdir()} == {*names, "curves.png"}
+    for name in names:
+        (line,) = (line for line in said.splitlines() if line.endswith(f"      1  {name}"))
+        assert line.split()[0] == "0/2"
+        config = run_folder.open_existing(tmp_path / "sweep" / name)[1]
+        assert (
+            f"rate={config.learner.rate:.0e},".replace("e-0", "e-") + f"episode-length={config.episode_length}" == name
+        )
+
+    runs = [str(tmp_path / "sweep" / name) for name in names[:3]]
+    assert compare.main(runs) == 0 and "learner.rate=0.03" in capsys.readouterr().out
+    assert evaluate.main([runs[2], "--episodes", "2"]) == 0
+
+    shutil.rmtree(tmp_path / "sweep" / names[0])  # the same command does what is missing, and no more
+    assert command(tmp_path / "sweep", *grids) == 0
+    assert capsys.readouterr().out.count("compiled in") == 1
+    assert command(tmp_path / "sweep", *grids, "--frames", "300") == 2
+    assert "holds a run of other settings or seeds" in capsys.readouterr().err
+
+
+def test_a_sweep_needs_a_configuration_and_a_grid(tmp_path, capsys):
+    assert sweep.main(["--help"]) == 0 and "--grid FIELD=VALUE" in capsys.readouterr().out
+    for flags in ((), ("--grid", "learner.rate=1", "--list")):
+        assert command(tmp_path, *flags) == 2
+        assert "a sweep takes --config NAME and at least one --grid" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
