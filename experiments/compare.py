@@ -27,7 +27,7 @@ class Arguments:
     """Folders of the runs; the first one is what the others are compared with. With --pairs, the claimed order: each
     run is said to be better than those after it."""
     last: float = 0.05
-    """Share of the iterations, at the end, over which success, violation and return are averaged."""
+    """Share of the iterations, at the end, over which rates and return are averaged."""
     pairs: bool = False
     """Also test every two runs for a difference, and say whether the claimed order is reproduced."""
     measure: Measure = "discounted_return"
@@ -149,7 +149,7 @@ def _table(runs: Mapping[str, Run], base: Any) -> Iterator[str]:
 
     yield (
         f"{'frames/s':>11}  {'solved':>6}  {'over 95 %':>9}  {'since frames':17}  {'area':20}  "
-        f"{'discounted return':20}  {'interquartile mean':20}  {'violation':20}  configuration"
+        f"{'discounted return':20}  {'interquartile mean':20}  {'violation':20}  {'ended by env':20}  configuration"
     )
     for path, run in runs.items():
         speed = run.status.get("last_session", {}).get("frames_per_second_all_seeds")
@@ -157,7 +157,10 @@ def _table(runs: Mapping[str, Run], base: Any) -> Iterator[str]:
         first = np.nanmin(run.curves["frames"])  # one iteration's
         reached = np.where(since > 0, since * first, np.inf)
         areas, returns = (statistics.mean(list(run.of(name).values())) for name in ("area", "discounted_return"))
-        violations = statistics.mean_rate(run.end["violation_rate"][run.known])
+        violations, ended = (
+            statistics.mean_rate(run.end[name][run.known]).text() if name in run.end else "-"
+            for name in ("violation_rate", "env_termination_rate")
+        )
         middle = statistics.interquartile_mean(list(run.of("discounted_return").values()))
         above = int((run.end["success_rate"][run.known] > statistics.SOLVED).sum())
         over = f"{above}/{run.known.sum()}" if run.known.any() else "-"
@@ -165,7 +168,7 @@ def _table(runs: Mapping[str, Run], base: Any) -> Iterator[str]:
             f"{'-' if not speed else f'{speed:,.0f}':>11}  {_solved(run):>6}  "
             f"{over:>9}  {_frames(np.median(reached))} / {_frames(reached.max())}  "
             f"{areas.text():20}  {returns.text():20}  "
-            f"{middle.text():20}  {violations.text():20}  "
+            f"{middle.text():20}  {violations:20}  {ended:20}  "
             f"{' '.join(differences(base, run.config)) or path}"
         )
 

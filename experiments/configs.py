@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from envs import waterworld, zones
+from envs import flatworld, letterworld, waterworld, zones  # noqa: F401 - all of them are registered
 from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
 from t2tl_jax.agents.dqn import DQNConfig

@@ -40,4 +40,10 @@ class View:
     agent_colour: tuple[int, int, int]
     """How the agent is filled: red, green, blue from 0 to 255."""
     seconds_per_step: float
-    """Time between two states."""
+    """Time between two states; 0 where a step takes no time."""
+    texts: tuple[str, ...] = ()
+    """What stands in each disc; empty for nothing."""
+    joined: bool = False
+    """Whether opposite walls are one, so that the agent can leave at one and enter at the other."""
+    frame_ms: int = 60
+    """How long a state is shown, in milliseconds."""

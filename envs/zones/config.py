@@ -1,26 +1,43 @@
 """What distinguishes one ZoneEnv from another."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
+
+import numpy as np
 
 from envs.zones import layouts
 from t2tl_jax.env import EnvConfig
 
 EPISODE_LENGTH = 1000
-"""Published limit of an episode, in environment steps. Applied outside: the environment itself never ends."""
+"""Published limit of an episode, in environment steps. Applied outside: the environment itself knows no time."""
 
 
 @dataclass(frozen=True)
 class ZoneConfig(EnvConfig):
-    """Physics and maps."""
+    """Physics, arena, senses and maps. The defaults are T2TL's and LTL2Action's; DeepLTL's are `OPEN`."""
 
     physics: Literal["mjx", "closed_form"] = "mjx"
     """MuJoCo MJX, the reference, or the same motion in closed form, which differs only in contact with a wall."""
     layout: Literal["fixed", "random"] = "fixed"
     """The published map ``Zones-25-v1``, or random maps: every episode has one of the pool of its seed. The pools of
     different seeds are different, and evaluation has pools of its own."""
+    arena: Literal["walled", "open"] = "walled"
+    """Walled: four walls stop the robot at 2.4 m, and it does not sense them. Open: nothing stops it; who goes 3.3 m
+    along x or y ends the episode with reward -1, four numbers more tell how near that is (all zero in the first
+    observation, as published), and the observation is in the order of its parts' names."""
+    radius: float = layouts.ZONE_RADIUS
+    """Radius of the discs in metres."""
+    keepout: float = layouts.ZONE_KEEPOUT
+    """Metres that a disc of a random map keeps from the edge of the square in which discs lie, and adds to its distance
+    from others; no less than the radius."""
+    lidar_gain: float = 1.0
+    """A disc d metres away reads exp(-lidar_gain d)."""
+    lidar_range: float = 0.0
+    """If positive, a disc reads 1 - d / lidar_range instead, and nothing from there on (published: 1.2); 0 means
+    without limit."""
     colours: str = ""
-    """One letter per disc of random maps (J W B G R Y C M); empty means ``JJRRWWYY``. The fixed map has its own."""
+    """One letter per disc of random maps (J W B G R Y C M O P L T); empty means ``JJRRWWYY``. The fixed map has its
+    own."""
     pool_size: int = 1024
     """How many random maps a pool holds."""
     pool_seed: int = 0
@@ -31,6 +48,20 @@ class ZoneConfig(EnvConfig):
             raise ValueError(f"physics is {self.physics!r}; it must be 'mjx' or 'closed_form'")
         if self.layout not in ("fixed", "random"):
             raise ValueError(f"layout is {self.layout!r}; it must be 'fixed' or 'random'")
+        if self.arena not in ("walled", "open"):
+            raise ValueError(f"arena is {self.arena!r}; it must be 'walled' or 'open'")
+        for name in ("radius", "keepout", "lidar_gain"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive and finite")
+        if not 0 <= self.lidar_range < np.inf:
+            raise ValueError(f"lidar_range is {self.lidar_range}; it must be positive and finite, or 0 for no limit")
+        if self.layout == "fixed":
+            layouts.check_disjoint(np.array(layouts.FIXED_ZONES), self.radius)
+        elif not self.radius <= self.keepout < layouts.ARENA:
+            raise ValueError(
+                f"keepout is {self.keepout:g}; it must be no less than the radius, {self.radius:g}, or discs could "
+                f"overlap, and less than {layouts.ARENA:g}"
+            )
         if self.layout == "fixed" and self.colours not in ("", layouts.FIXED_COLOURS):
             raise ValueError(
                 f"colours={self.colours!r} needs layout='random': the fixed map has {layouts.FIXED_COLOURS}"
@@ -49,3 +80,16 @@ class ZoneConfig(EnvConfig):
         if self.layout == "fixed":
             return layouts.FIXED_COLOURS
         return self.colours or layouts.RANDOM_COLOURS
+
+
+OPEN = ZoneConfig(layout="random", arena="open", radius=0.4, lidar_gain=0.5, colours="GGYYBBMM")
+"""DeepLTL's world, ``PointLtl2-v0``: four colours."""
+
+OPEN_6 = replace(OPEN, colours="GGYYBBMMCCRR")
+"""The same with six colours: level 3 of GenZ-LTL."""
+
+OPEN_8 = replace(OPEN, colours="GGYYBBMMCCRROOPP", keepout=0.45)
+"""Eight colours: level 4."""
+
+OPEN_10 = replace(OPEN, colours="GGYYBBMMCCRROOPPLLTT", keepout=0.4, radius=0.35)
+"""Ten colours: level 5, whose discs are smaller (read in SpecRLBench, by the same authors)."""

@@ -23,10 +23,16 @@ class MjxPoint:
     random actions touches a wall, its position, velocity and turning rate differ after 20 ms (median / 95 %) by
     0.22 / 0.98 mm, 0.018 / 0.085 m/s, 0.07 / 0.84 rad/s: planes have no gaps, the contacts have no torsional friction,
     and the front corners touch as two points. ``python -m experiments.benchmarks.walls`` measures it.
+
+    Args:
+        walls: whether they stop the robot.
     """
 
-    def __init__(self) -> None:
-        self._model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL_FILE.read_text()), impl="jax")
+    def __init__(self, walls: bool = True) -> None:
+        model = mujoco.MjModel.from_xml_string(MODEL_FILE.read_text())
+        if not walls:  # nothing else can be touched, and MJX then has no solver to run
+            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        self._model = mjx.put_model(model, impl="jax")
         self._blank = mjx.make_data(self._model, impl="jax")
 
     def step(self, state: PointState, action: jax.Array, substeps: int = SUBSTEPS) -> PointState:

@@ -70,6 +70,9 @@ FRICTION = 1.0
 WALL = 2.4
 """The inner faces of the four walls, in metres from the centre."""
 
+EDGE = 3.3
+"""Where the open arena ends, in metres from the centre along x and y."""
+
 
 @struct.dataclass
 class PointState:

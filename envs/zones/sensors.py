@@ -1,13 +1,19 @@
-"""What the Point robot senses in a ZoneEnv map: four body sensors, a lidar per colour, and the discs it stands in."""
+"""What the Point robot senses: four body sensors, a lidar per colour, the discs it stands in, the edge of the arena."""
 
 import jax
 import jax.numpy as jnp
 
 from envs.zones.layouts import ZONE_RADIUS
-from envs.zones.point_robot import GRAVITY, PointState
+from envs.zones.point_robot import EDGE, GRAVITY, PointState
 
 LIDAR_BINS = 16
 """Directions of one lidar; bin 0 begins straight ahead, bins follow counter-clockwise."""
+
+BODY_SENSORS = ("accelerometer", "gyro", "magnetometer", "velocimeter")
+"""The parts of `body_sensors`, three numbers each."""
+
+EDGE_SENSORS = 4
+"""Numbers of `edge_sensor`."""
 
 MAGNETIC_FIELD = 0.5
 """Strength of the world's magnetic field, which points along -y."""
@@ -33,24 +39,33 @@ def body_sensors(state: PointState, acceleration: jax.Array) -> jax.Array:
     )
 
 
-def lidar(qpos: jax.Array, zones: jax.Array, groups: tuple[tuple[int, ...], ...]) -> jax.Array:
-    """Exponential-distance lidar of each colour: ``float32[len(groups) * 16]``.
+def lidar(
+    qpos: jax.Array,
+    zones: jax.Array,
+    groups: tuple[tuple[int, ...], ...],
+    gain: float = 1.0,
+    reach: float = 0.0,
+) -> jax.Array:
+    """Lidar of each colour: ``float32[len(groups) * 16]``.
 
-    A disc at distance d whose centre lies in bin b shows exp(-d) there. Its neighbours show the share of it by which
-    the direction has moved towards them across the bin, so that readings are continuous in the direction. That is a
-    trapezoid around the bin's centre: 1 up to half a bin away, 0 from one and a half bins on. A bin shows the largest
-    reading among the discs of its colour.
+    A disc at distance d whose centre lies in bin b shows exp(-gain d) there; with a limited reach max(0, 1 - d / reach)
+    instead. Its neighbours show the share of it by which the direction has moved towards them across the bin, so that
+    readings are continuous in the direction. That is a trapezoid around the bin's centre: 1 up to half a bin away, 0
+    from one and a half bins on. A bin shows the largest reading among the discs of its colour.
 
     Args:
         qpos: ``float32[3]`` position and heading.
         zones: ``float32[n, 2]`` disc centres.
         groups: indices of the discs of each colour, in the order of the blocks.
+        gain: of the exponential, per metre.
+        reach: metres at which a disc is out of sight; 0 for the exponential, which has no such distance.
     """
     cos, sin = jnp.cos(qpos[2]), jnp.sin(qpos[2])
     offset = zones - qpos[:2]
     ahead = cos * offset[:, 0] + sin * offset[:, 1]
     left = cos * offset[:, 1] - sin * offset[:, 0]
-    strength = jnp.exp(-jnp.sqrt(ahead * ahead + left * left))
+    distance = jnp.sqrt(ahead * ahead + left * left)
+    strength = jnp.maximum(1.0 - distance / reach, 0.0) if reach else jnp.exp(-gain * distance)
     direction = jnp.arctan2(left, ahead) * (LIDAR_BINS / (2.0 * jnp.pi))  # in bins
     centres = jnp.arange(LIDAR_BINS, dtype=jnp.float32) + 0.5
     apart = direction[:, None] - centres
@@ -60,11 +75,23 @@ def lidar(qpos: jax.Array, zones: jax.Array, groups: tuple[tuple[int, ...], ...]
     return jnp.concatenate([_maximum([readings[i] for i in group]) for group in groups])
 
 
-def inside(qpos: jax.Array, zones: jax.Array, groups: tuple[tuple[int, ...], ...]) -> jax.Array:
-    """Whether the body origin is within 0.25 m, inclusive, of a disc's centre, per group: ``bool[len(groups)]``."""
+def inside(
+    qpos: jax.Array, zones: jax.Array, groups: tuple[tuple[int, ...], ...], radius: float = ZONE_RADIUS
+) -> jax.Array:
+    """Whether the body origin is within `radius`, inclusive, of a disc's centre, per group: ``bool[len(groups)]``."""
     offset = zones - qpos[:2]
-    within = jnp.sum(offset * offset, axis=-1) <= ZONE_RADIUS * ZONE_RADIUS
+    within = jnp.sum(offset * offset, axis=-1) <= radius * radius
     return jnp.stack([_maximum([within[i] for i in group]) for group in groups])
+
+
+def edge_sensor(position: jax.Array) -> jax.Array:
+    """How near each side of the open arena is, exp(-distance), in the world's order +x, -y, -x, +y: ``float32[4]``.
+
+    Args:
+        position: ``float32[2]`` in metres.
+    """
+    x, y = position
+    return jnp.exp(-jnp.abs(jnp.stack([x - EDGE, y + EDGE, x + EDGE, y - EDGE])))
 
 
 def _maximum(arrays: list[jax.Array]) -> jax.Array:

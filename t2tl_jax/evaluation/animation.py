@@ -29,7 +29,6 @@ TEXT_LINES = 8
 """Lines of the caption below the one with the step; what does not fit is cut."""
 
 MAX_FRAMES = 150
-FRAME_MS = 60
 
 FILLS = {
     "Black": (40, 40, 40),
@@ -44,6 +43,9 @@ FILLS = {
     "Orange": (240, 140, 30),
     "Gray": (140, 140, 140),
     "Pink": (250, 170, 195),
+    "Aqua": (120, 230, 220),
+    "Lime": (160, 220, 60),
+    "Teal": (20, 120, 120),
 }
 
 
@@ -136,13 +138,13 @@ def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[
     for step in shown:
         frame = canvas.copy()
         _draw(ImageDraw.Draw(frame), recording, view, step)
-        seconds = f"step {step}, {step * view.seconds_per_step:.1f} s"
+        seconds = f"step {step}" + f", {step * view.seconds_per_step:.1f} s" * (view.seconds_per_step > 0)
         outcome = f", {recording.outcome}" if step == length else ""
         text = "\n".join([seconds + outcome, *lines[int(recording.rows[step])]])
         for number, line in enumerate(text.splitlines()):
             ImageDraw.Draw(frame).text((WALL, height + 4 + LINE * number), line, fill=(0, 0, 0), font=font)
         frames.append(frame)
-    durations = [FRAME_MS] * (len(frames) - 1) + [2000]
+    durations = [view.frame_ms] * (len(frames) - 1) + [2000]
     frames[0].save(target, save_all=True, append_images=frames[1:], duration=durations, loop=0, disposal=1)
 
 
@@ -170,7 +172,7 @@ def _scale(view: View) -> float:
 
 
 def _draw(draw: ImageDraw.ImageDraw, recording: Recording, view: View, step: int) -> None:
-    """The arena at one step: walls, discs, the way so far, the agent."""
+    """The arena at one step: walls, discs, the way so far, the agent, texts."""
     width, height = picture_size(view)
     draw.rectangle((0, 0, width - 1, height - 1), fill=(130, 130, 130))
     draw.rectangle((WALL, WALL, width - WALL - 1, height - WALL - 1), fill=(222, 226, 230))
@@ -179,14 +181,26 @@ def _draw(draw: ImageDraw.ImageDraw, recording: Recording, view: View, step: int
     for (x, y), radius, colour in zip(pixels(view, scenes.discs[step]), radii.tolist(), view.colours, strict=True):
         fill = FILLS.get(colour, (160, 160, 160))
         draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=fill, outline=(90, 90, 90))
-    way = pixels(view, scenes.agent[: step + 1])
-    if len(way) > 1:
-        draw.line(way, fill=(30, 90, 200), width=2)
+    for part in _pieces(view, scenes.agent[: step + 1]):
+        way = pixels(view, part)
+        if len(way) > 1:
+            draw.line(way, fill=(30, 90, 200), width=2)
     x, y = way[-1]
     radius = view.agent_radius * _scale(view)
     draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=view.agent_colour, outline=(20, 20, 20))
     nose = scenes.agent[step] + 1.8 * view.agent_radius * scenes.heading[step]
     draw.line([(x, y), *pixels(view, nose)], fill=(20, 20, 20), width=3)
+    font = ImageFont.load_default(16)
+    for (x, y), text in zip(pixels(view, scenes.discs[step]), view.texts, strict=False):
+        draw.text((x, y), text, fill=(0, 0, 0), font=font, anchor="mm")
+
+
+def _pieces(view: View, way: np.ndarray) -> list[np.ndarray]:
+    """The way ``[n, 2]`` as lines to draw; where walls are joined, it is cut where the agent goes through one."""
+    if not view.joined:
+        return [way]
+    apart = np.abs(np.diff(way, axis=0)) > (np.array(view.high) - view.low) / 2
+    return np.split(way, np.flatnonzero(apart.any(-1)) + 1)
 
 
 def wrapped(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: int) -> list[str]:

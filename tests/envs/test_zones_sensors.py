@@ -9,17 +9,17 @@ from envs.zones import EPISODE_LENGTH, ZoneConfig, ZoneEnv
 from envs.zones import layouts as zone_layouts
 
 
-def published_lidar(qpos: np.ndarray, zones: np.ndarray) -> np.ndarray:
+def published_lidar(qpos: np.ndarray, zones: np.ndarray, reading=lambda distance: np.exp(-distance)) -> np.ndarray:
     """The bins of one colour, disc by disc and bin by bin as the original defines them (float64)."""
     bins, width = np.zeros(16), 2 * np.pi / 16
     rotation = np.array([[np.cos(qpos[2]), -np.sin(qpos[2])], [np.sin(qpos[2]), np.cos(qpos[2])]])
     for centre in zones:
         ahead, left = (centre - qpos[:2]) @ rotation
         angle = np.arctan2(left, ahead) % (2 * np.pi)
-        strength, index = np.exp(-np.hypot(ahead, left)), int(angle / width)
+        strength, index = reading(np.hypot(ahead, left)), int(angle / width)
         share = angle / width - index
-        for bin_, reading in ((index, 1.0), (index + 1, share), (index - 1, 1.0 - share)):
-            bins[bin_ % 16] = max(bins[bin_ % 16], reading * strength)
+        for bin_, part in ((index, 1.0), (index + 1, share), (index - 1, 1.0 - share)):
+            bins[bin_ % 16] = max(bins[bin_ % 16], part * strength)
     return bins
 
 
