@@ -159,8 +159,10 @@ def _first_free(draws: np.ndarray, placed: np.ndarray, least: np.ndarray) -> np.
     first = np.full(len(draws), -1)
     for begin, end in ((0, 4), (4, 20), (20, DRAWS_PER_OBJECT)):
         waiting = np.flatnonzero(first < 0)
-        x, y = np.moveaxis(draws[waiting, begin:end, None] - placed[waiting, None], -1, 0)
-        free = (np.sqrt(x * x + y * y) >= least).all(-1)
+        x, y = np.moveaxis(draws[waiting, begin:end], -1, 0)
+        free = np.ones(x.shape, bool)
+        for other, distance in zip(np.moveaxis(placed[waiting], 1, 0), least, strict=True):
+            free &= (x - other[:, :1]) ** 2 + (y - other[:, 1:]) ** 2 >= distance**2
         first[waiting] = np.where(free.any(1), begin + free.argmax(1), -1)
     return first
 

@@ -2,12 +2,14 @@
 
     python -m experiments.benchmarks.env --physics mjx closed_form --num-envs 64 8192 65536
     python -m experiments.benchmarks.env --env waterworld --num-envs 1024 65536
+    python -m experiments.benchmarks.env --env letterworld --num-envs 65536
 
 Counts environment steps of all environments together (one of the zone environment is ten physics substeps).
 Compilation is timed apart.
 """
 
 import dataclasses
+import importlib
 import json
 import sys
 from collections.abc import Sequence
@@ -21,12 +23,22 @@ from t2tl_jax.flags import parse
 from t2tl_jax.ltl import resolve_task
 from t2tl_jax.quiet import quiet_imports
 
-Physics = Literal["mjx", "closed_form", "straight_flight"]
+Physics = Literal["mjx", "closed_form", "straight_flight", "grid", "steps"]
 
-PHYSICS: dict[str, tuple[Physics, ...]] = {"zones": ("mjx", "closed_form"), "waterworld": ("straight_flight",)}
+PHYSICS: dict[str, tuple[Physics, ...]] = {
+    "zones": ("mjx", "closed_form"),
+    "waterworld": ("straight_flight",),
+    "letterworld": ("grid",),
+    "flatworld": ("steps",),
+}
 """What each environment has."""
 
-TASKS = {"zones": "phi_zone", "waterworld": "phi_water"}
+TASKS = {
+    "zones": "phi_zone",
+    "waterworld": "phi_water",
+    "letterworld": "F(a & (!b U c)) & F d",
+    "flatworld": "F((Red & Magenta) & F((Blue & Green) & F Yellow))",
+}
 """The task of each environment unless another one is given."""
 
 
@@ -34,20 +46,21 @@ TASKS = {"zones": "phi_zone", "waterworld": "phi_water"}
 class BenchmarkConfig:
     """What is measured."""
 
-    env: Literal["zones", "waterworld"] = "zones"
+    env: Literal["zones", "waterworld", "letterworld", "flatworld"] = "zones"
     """The environment."""
     physics: tuple[Physics, ...] = ()
     """Physics to compare; by default all that the environment has."""
     num_envs: tuple[int, ...] = (64, 8192, 65536)
     """Batch sizes to compare."""
     layout: Literal["fixed", "random"] = "fixed"
-    """The published map, or one of a pool at every reset."""
+    """The published map, or one of a pool at every reset. Of LetterWorld, the map of seed 0 or a pool; FlatWorld has one
+    map in any case."""
     steps: int = 100
     """Environment steps of one timed call."""
     repeats: int = 5
     """Timed calls; their median is reported."""
     task: str = ""
-    """Formula, or name of a task, whose progression is part of the step; by default phi_zone or phi_water."""
+    """Formula, or name of a task, whose progression is part of the step; by default one of `TASKS`."""
     episode_length: int = 0
     """Steps after which an environment is reset, if its task is not decided before; 0 means the published limit."""
     json: Path | None = None
@@ -85,28 +98,33 @@ def _main(texts: list[str]) -> int:
 def resolve(config: BenchmarkConfig) -> BenchmarkConfig:
     """The same with every default filled in."""
     with quiet_imports():
-        from envs import waterworld, zones
+        world = importlib.import_module(f"envs.{config.env}")
 
     return dataclasses.replace(
         config,
         physics=config.physics or PHYSICS[config.env],
         task=config.task or TASKS[config.env],
-        episode_length=config.episode_length
-        or (waterworld.EPISODE_LENGTH if config.env == "waterworld" else zones.EPISODE_LENGTH),
+        episode_length=config.episode_length or world.EPISODE_LENGTH,
     )
 
 
 def make_env(config: BenchmarkConfig, physics: Physics) -> Any:
     """The ``TaskEnv`` that is measured."""
-    from envs import waterworld, zones
+    from envs import flatworld, letterworld, waterworld, zones
     from t2tl_jax.ltl import compile_tasks
     from t2tl_jax.task_env import TaskEnv
 
-    world = (
-        waterworld.WaterWorld(waterworld.WaterWorldConfig(layout=config.layout))
-        if physics == "straight_flight"
-        else zones.ZoneEnv(zones.ZoneConfig(physics=physics, layout=config.layout))
-    )
+    world: Any
+    if config.env == "waterworld":
+        world = waterworld.WaterWorld(waterworld.WaterWorldConfig(layout=config.layout))
+    elif config.env == "letterworld":
+        layout = "random" if config.layout == "random" else "by_seed"
+        world = letterworld.LetterWorld(letterworld.LetterWorldConfig(layout=layout))
+    elif config.env == "flatworld":
+        world = flatworld.FlatWorld()
+    else:
+        assert physics in ("mjx", "closed_form")
+        world = zones.ZoneEnv(zones.ZoneConfig(physics=physics, layout=config.layout))
     return TaskEnv(world, compile_tasks(resolve_task(config.task), world.propositions, world.alphabet))
 
 

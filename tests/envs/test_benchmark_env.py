@@ -21,16 +21,21 @@ def test_benchmark_reports_every_combination(tmp_path):
 
 
 @pytest.mark.slow
-def test_benchmark_measures_waterworld(capsys):
-    assert main(["--env", "waterworld", "--num-envs", "4", "--steps", "5", "--repeats", "2"]) == 0
+@pytest.mark.parametrize(
+    ("env", "expected"), [("waterworld", "straight_flight"), ("letterworld", "grid"), ("flatworld", "steps")]
+)
+def test_benchmark_measures_other_worlds(env, expected, capsys):
+    assert main(["--env", env, "--num-envs", "4", "--steps", "5", "--repeats", "2"]) == 0
     physics, num_envs, _, speed, _, _ = capsys.readouterr().out.splitlines()[-1].split()
-    assert (physics, num_envs) == ("straight_flight", "4") and float(speed.replace(",", "")) > 0
+    assert (physics, num_envs) == (expected, "4") and float(speed.replace(",", "")) > 0
 
 
 def test_defaults_follow_the_environment():
     zones, water = resolve(BenchmarkConfig()), resolve(BenchmarkConfig(env="waterworld"))
     assert (zones.physics, zones.task, zones.episode_length) == (("mjx", "closed_form"), "phi_zone", 1000)
     assert (water.physics, water.task, water.episode_length) == (("straight_flight",), "phi_water", 600)
+    assert resolve(BenchmarkConfig(env="letterworld")).episode_length == 75
+    assert resolve(BenchmarkConfig(env="flatworld")).episode_length == 500
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageFont
 
+from envs.flatworld import FlatWorld, FlatWorldConfig
+from envs.letterworld import LetterWorld, LetterWorldConfig
 from envs.waterworld import LETTERS, WaterWorld, WaterWorldConfig
-from envs.zones import ZoneConfig, ZoneEnv
+from envs.zones import OPEN, ZoneConfig, ZoneEnv
 from t2tl_jax.evaluation.animation import (
     FILLS,
     SIDE,
@@ -79,6 +81,9 @@ def test_text_is_wrapped_and_cut():
         ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=2)),
         WaterWorld(),
         WaterWorld(WaterWorldConfig(colours=LETTERS, layout="random", pool_size=2, balls_per_colour=1)),
+        ZoneEnv(dataclasses.replace(OPEN, physics="closed_form", pool_size=2)),
+        FlatWorld(FlatWorldConfig(pool_size=2)),
+        LetterWorld(LetterWorldConfig(pool_size=2)),
     ],
 )
 def test_views_agree_with_the_environment(env):
@@ -100,6 +105,41 @@ def test_discs_have_the_colour_that_holds_in_them():
     for centre, colour in zip(zones, env.view().colours, strict=True):
         labels = env.labels(env.reset_to(jnp.append(centre, 0.0), jnp.zeros(3), zones))
         assert env.propositions[int(np.argmax(labels))] == colour and labels.sum() == 1
+
+
+def test_letters_are_drawn_where_the_grid_has_them():
+    """Wherever the agent is: the picture stays, and the agent moves over it."""
+    env = LetterWorld(LetterWorldConfig(pool_size=2))
+    view, grid = env.view(), env.make_params(0).maps[1]
+    for position in ((0, 0), (2, 5)):
+        scene = view.scene(env.reset_to(position, grid).pipeline_state, None)
+        np.testing.assert_array_equal(scene.agent, [position[1] + 0.5, 6.5 - position[0]])
+        for (x, y), text in zip(scene.discs, view.texts, strict=True):
+            assert env.propositions[grid[int(7 - y), int(x)]] == text
+    assert len(set(map(tuple, np.asarray(scene.discs)))) == 24
+
+
+def test_a_way_through_joined_walls_is_not_drawn_across_the_picture(tmp_path):
+    """From the right edge on to the left one: with walls, a line; where they are joined, none."""
+    agent = np.array([[3.5, 1.5], [3.9, 1.5], [0.1, 1.5], [0.5, 1.5]])
+    steps = dataclasses.replace(recording(3).scenes, agent=agent)
+    told = dataclasses.replace(recording(3), scenes=steps)
+    (x, y) = map(round, pixels(VIEW, np.array([2.0, 1.5]))[0])
+    crossed = []
+    for joined in (False, True):
+        save_gif(told, dataclasses.replace(VIEW, joined=joined, texts=("a",)), tmp_path / "way.gif")
+        with Image.open(tmp_path / "way.gif") as gif:
+            gif.seek(3)
+            blue = np.asarray(gif.convert("RGB"), int)[y, x] - (30, 90, 200)
+        crossed.append(np.abs(blue).max() < 30)
+    assert crossed == [True, False]
+
+
+def test_a_world_without_seconds_counts_steps_only(tmp_path):
+    view = dataclasses.replace(VIEW, seconds_per_step=0.0, frame_ms=250)
+    save_gif(recording(3), view, tmp_path / "one.gif")
+    with Image.open(tmp_path / "one.gif") as gif:
+        assert gif.info["duration"] == 250
 
 
 def test_other_environments_have_no_view():

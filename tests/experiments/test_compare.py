@@ -60,6 +60,18 @@ def test_violations_are_reported(metrics, incomplete, capsys):
     assert line[at:].split()[0] == "0.250"
 
 
+def test_ends_of_the_environments_own_are_reported_apart(metrics, incomplete, capsys):
+    """A run of before they were counted has a dash."""
+    assert main([str(incomplete), "--last", "0.01"]) == 0
+    header, line = capsys.readouterr().out.splitlines()[:2]
+    assert line[header.index("ended by env") :].split()[0] == "-"
+    rows = metrics.read_text().splitlines()
+    metrics.write_text("\n".join([rows[0] + ",env_termination_rate", *(row + ",0.5" for row in rows[1:])]) + "\n")
+    assert main([str(incomplete), "--last", "0.01"]) == 0
+    header, line = capsys.readouterr().out.splitlines()[:2]
+    assert line[header.index("ended by env") :].split()[0] == "0.500"
+
+
 def test_a_run_given_twice_counts_once(capsys):
     run = str(ZONE / "t2_base")
     assert main([run, f"{run}/../t2_base", str(ZONE / "t2_none"), "--pairs", "True"]) == 0
