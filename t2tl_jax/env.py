@@ -57,6 +57,26 @@ class LabelledEnv(Env):
         del seed, purpose
         return ()
 
+    @property
+    def renewable(self) -> bool:
+        """Whether training can go on with other maps, those of `renewed_params`."""
+        return False
+
+    def renewed_params(self, seed: int, renewal: int) -> EnvParams:
+        """What a seed trains with from a renewal of its maps on; made on the host, beside the training.
+
+        Args:
+            seed: number of the seed.
+            renewal: from 1; before the first one, training has ``make_params(seed)``.
+
+        Returns:
+            What `make_params` returns for training, with other maps. None of them is one of evaluation or selection.
+
+        Raises:
+            NotImplementedError: where nothing is renewable.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no maps to renew")
+
     @abc.abstractmethod
     def reset(self, rng: jax.Array, params: EnvParams | None = None) -> State:
         """The start of an episode. Without `params`, those of ``make_params(0)``, as foreign trainers call it."""

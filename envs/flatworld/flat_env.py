@@ -61,6 +61,16 @@ class FlatWorld(LabelledEnv):
         return FlatWorldParams(_sample_starts(self.config.pool_size, which))
 
     @property
+    def renewable(self) -> bool:
+        """Always: other starts on the one map."""
+        return True
+
+    def renewed_params(self, seed: int, renewal: int) -> FlatWorldParams:
+        """Another pool of starts for training."""
+        which = stream(self.config.pool_seed, seed, "training", renewal)
+        return FlatWorldParams(_sample_starts(self.config.pool_size, which))
+
+    @property
     def fixed_start(self) -> bool:
         """Where the pool holds one start."""
         return self.config.pool_size == 1

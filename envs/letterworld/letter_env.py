@@ -59,10 +59,22 @@ class LetterWorld(LabelledEnv):
 
     def make_params(self, seed: int, purpose: Purpose = "training") -> LetterWorldParams:
         """A pool of random maps, another one for every seed and purpose; by seed, one map for all purposes."""
+        pool_seed = self.config.pool_seed
+        if self.config.layout == "by_seed":
+            return self._pool(1, stream(pool_seed, seed, "training"))
+        return self._pool(self.config.pool_size, stream(pool_seed, seed, purpose))
+
+    @property
+    def renewable(self) -> bool:
+        """On random maps."""
+        return self.config.layout == "random"
+
+    def renewed_params(self, seed: int, renewal: int) -> LetterWorldParams:
+        """Another pool of random maps for training."""
+        return self._pool(self.config.pool_size, stream(self.config.pool_seed, seed, "training", renewal))
+
+    def _pool(self, count: int, which: tuple[int, ...]) -> LetterWorldParams:
         config = self.config
-        by_seed = config.layout == "by_seed"
-        which = stream(config.pool_seed, seed, "training" if by_seed else purpose)
-        count = 1 if by_seed else config.pool_size
         return LetterWorldParams(maps.sample_maps(config.size, len(config.letters), config.copies, count, which))
 
     @property

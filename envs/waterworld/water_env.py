@@ -95,6 +95,20 @@ class WaterWorld(LabelledEnv):
             starts = self._maps(block * config.pool_size, config.pool_size)
         else:
             starts = None
+        return self._params(starts)
+
+    @property
+    def renewable(self) -> bool:
+        """Where there is a pool of random maps; without one every episode has a map of its own anyway."""
+        return self.config.layout == "random" and self.config.pool_size > 0
+
+    def renewed_params(self, seed: int, renewal: int) -> WaterWorldParams:
+        """Another pool of numbered maps for training: for each renewal those of all seeds follow each other."""
+        block = renewal * 2**34 + seed  # behind all blocks of `make_params`, as seeds are below 2^32
+        return self._params(self._maps(block * self.config.pool_size, self.config.pool_size))
+
+    def _params(self, starts: Start | None) -> WaterWorldParams:
+        config = self.config
         return WaterWorldParams(
             arena=np.asarray(config.arena, np.float32),
             time_step=np.asarray(config.time_step, np.float32),

@@ -85,7 +85,19 @@ class ZoneEnv(LabelledEnv):
         if config.layout == "fixed":
             start, zones = np.array([layouts.FIXED_START]), np.array([layouts.FIXED_ZONES])
             return ZoneParams(starts=start.astype(np.float32), zones=zones.astype(np.float32))
-        which = stream(config.pool_seed, seed, purpose)
+        return self._pool(stream(config.pool_seed, seed, purpose))
+
+    @property
+    def renewable(self) -> bool:
+        """On random maps."""
+        return self.config.layout == "random"
+
+    def renewed_params(self, seed: int, renewal: int) -> ZoneParams:
+        """Another pool of random maps for training."""
+        return self._pool(stream(self.config.pool_seed, seed, "training", renewal))
+
+    def _pool(self, which: tuple[int, ...]) -> ZoneParams:
+        config = self.config
         discs = len(config.colour_of_each_disc)
         pool = layouts.sample_layouts(discs, config.pool_size, which, config.radius, config.keepout)
         return ZoneParams(starts=pool.robots, zones=pool.zones)

@@ -53,8 +53,8 @@ class BenchmarkConfig:
     num_envs: tuple[int, ...] = (64, 8192, 65536)
     """Batch sizes to compare."""
     layout: Literal["fixed", "random"] = "fixed"
-    """The published map, or one of a pool at every reset. Of LetterWorld, the map of seed 0 or a pool; FlatWorld has one
-    map in any case."""
+    """The published map, or one of a pool at every reset. Of LetterWorld, the map of seed 0 or a pool; FlatWorld has
+    one map in any case."""
     steps: int = 100
     """Environment steps of one timed call."""
     repeats: int = 5

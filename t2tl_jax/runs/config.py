@@ -137,6 +137,9 @@ class Config:
     """Pad formulas to this many tokens; 0 for as many as the longest one has."""
     pool: PoolConfig = field(default_factory=PoolConfig)
     """How the tasks of a family are drawn."""
+    map_period: Count = 16
+    """Iterations after which training goes on with new random maps, which are made while it trains; 0 keeps the first
+    ones. Where maps are not random, nothing of this counts."""
     progression: Literal["exact", "paper"] = "exact"
     """How formulas go on: by the usual rules, or by the paper's definition 2 with its last case, which drops a
     satisfied proposition and contradicts theorem 1; of the paper's tasks it changes phi_zone_prime only."""
@@ -177,7 +180,7 @@ class Config:
             raise ValueError(f"frames must be at least 1, got {self.frames}")
         # One less than other counts: random lengths of first episodes are drawn from below the next number.
         checks.counts(self, "episode_length", most=checks.COUNTER_LIMIT - 1)
-        checks.counts(self, "task_length", least=0)
+        checks.counts(self, "task_length", "map_period", least=0)
         checks.shares(self, "random_starts")
         if self.frames > self.learner.max_frames:
             raise ValueError(

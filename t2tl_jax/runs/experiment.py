@@ -8,7 +8,7 @@ from typing import Any
 import jax
 from jax.sharding import NamedSharding
 
-from t2tl_jax.env import LabelledEnv, Purpose
+from t2tl_jax.env import EnvParams, LabelledEnv, Purpose
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.registry import AGENTS, ENVS
@@ -18,7 +18,7 @@ from t2tl_jax.runs.pools import Pools, make_pools, make_table
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.devices import seed_sharding
 from t2tl_jax.training.numbers import make_given, numbers_of
-from t2tl_jax.training.program import OVER_SEEDS, Program, params_of_seeds, trace
+from t2tl_jax.training.program import OVER_SEEDS, Program, of_each_seed, params_of_seeds, trace
 from t2tl_jax.training.seeds import TRAINING, parse_seeds, stream_keys
 from t2tl_jax.training.types import Agent
 
@@ -78,6 +78,18 @@ class Experiment:
         if self.pools is not None and purpose != "evaluation":
             table = self.table_at(0) if purpose == "training" else self.pools.selection()
         return params_of_seeds(TaskEnv(self.env, table), self.seeds, purpose, numbers)
+
+    @property
+    def renews_maps(self) -> bool:
+        """Whether training goes on with new maps from time to time."""
+        return self.env.renewable and self.config.map_period > 0
+
+    def maps(self, renewal: int) -> EnvParams:
+        """The environment's parameters for training after so many renewals, stacked with leading axis [seeds]; they
+        depend on nothing else, so a resumed run goes on with the same ones."""
+        if not renewal:
+            return of_each_seed(self.env.make_params, self.seeds)
+        return of_each_seed(lambda seed: self.env.renewed_params(seed, renewal), self.seeds)
 
     @property
     def sharding(self) -> NamedSharding | None:

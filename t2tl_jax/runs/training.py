@@ -211,11 +211,15 @@ class Training:
         program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
         env_params = program.env_params
         pools = Prefetch(experiment.pools.training if experiment.pools else lambda number: experiment.table)
+        maps = Prefetch(experiment.maps)
         optima: dict[int, list[float]] = {}
         begin = time.monotonic()
 
         def prepare(done: int, state: Any) -> tuple[Any, Any]:
             nonlocal env_params
+            if experiment.renews_maps and (done % config.map_period == 0 or done == progress.started_from):
+                placed = replace(env_params, env=maps.get(done // config.map_period))
+                env_params = place_params(placed, program.sharding)
             renew = experiment.pools is not None and done % config.pool.period == 0
             if experiment.pools is not None and (renew or done == progress.started_from):
                 table = pools.get(number := done // config.pool.period)
@@ -253,7 +257,7 @@ class Training:
             progress.stop = progress.stop or self._reason()
             return bool(progress.stop)
 
-        with pools:
+        with pools, maps:
             hooks = loop.Hooks(self._select, record, save, stopping, prepare)
             period = config.run.checkpoint_period if self.checkpoints is not None else float("inf")
             done, state = loop.run_loop(compiled.iterate, state, progress.done, progress.iterations, period, hooks)

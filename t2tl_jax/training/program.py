@@ -1,6 +1,6 @@
 """A learner of one seed made into the one compiled program that trains all seeds of a run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec
 
-from t2tl_jax.env import Purpose
+from t2tl_jax.env import EnvParams, Purpose
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.devices import SEEDS
 from t2tl_jax.training.seeds import TRAINING, stream_keys
@@ -58,10 +58,15 @@ def params_of_seeds(
     Raises:
         ValueError: for a seed that the environment has nothing for.
     """
-    own = {seed: env.make_params(seed, purpose) for seed in dict.fromkeys(seeds)}
-    stacked = jax.tree.map(lambda *x: np.stack(x), *(own[seed].env for seed in seeds))
     given = jax.tree.map(lambda *x: np.array(x, np.float32), *(dict(of) for of in numbers)) if numbers else {}
-    return TaskParams(env=stacked, table=own[seeds[0]].table, numbers=given)
+    worlds = of_each_seed(lambda seed: env.env.make_params(seed, purpose=purpose), seeds)
+    return TaskParams(env=worlds, table=env.table, numbers=given)
+
+
+def of_each_seed(make: Callable[[int], EnvParams], seeds: Sequence[int]) -> EnvParams:
+    """What `make` gives for every seed, stacked with a leading axis [seeds]; made once for seeds that come again."""
+    own = {seed: make(seed) for seed in dict.fromkeys(seeds)}
+    return jax.tree.map(lambda *x: np.stack(x), *(own[seed] for seed in seeds))
 
 
 def place_params(env_params: TaskParams, sharding: NamedSharding | None) -> TaskParams:
