@@ -65,9 +65,9 @@ def is_valid(taken: np.ndarray) -> np.ndarray:
     """
     free = ~taken
     # Where a cell other than the start has no free neighbour, no path leads to it. That rules out nearly all maps.
-    enterable = _beside(free)
-    enterable[:, 0, 0] = True
-    valid = enterable.all((1, 2))
+    dead_end = ~_beside(free)
+    dead_end[:, 0, 0] = False
+    valid = np.logical_not(dead_end.any((1, 2)))
     free = free[valid]
     reached = np.zeros_like(free)
     reached[:, 0, 0] = True

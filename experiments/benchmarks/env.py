@@ -118,8 +118,8 @@ def make_env(config: BenchmarkConfig, physics: Physics) -> Any:
     if config.env == "waterworld":
         world = waterworld.WaterWorld(waterworld.WaterWorldConfig(layout=config.layout))
     elif config.env == "letterworld":
-        layout = "random" if config.layout == "random" else "by_seed"
-        world = letterworld.LetterWorld(letterworld.LetterWorldConfig(layout=layout))
+        by_seed = letterworld.LetterWorldConfig(layout="by_seed")
+        world = letterworld.LetterWorld(by_seed if config.layout == "fixed" else letterworld.LetterWorldConfig())
     elif config.env == "flatworld":
         world = flatworld.FlatWorld()
     else:

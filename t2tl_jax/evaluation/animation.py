@@ -181,7 +181,7 @@ def _draw(draw: ImageDraw.ImageDraw, recording: Recording, view: View, step: int
     for (x, y), radius, colour in zip(pixels(view, scenes.discs[step]), radii.tolist(), view.colours, strict=True):
         fill = FILLS.get(colour, (160, 160, 160))
         draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=fill, outline=(90, 90, 90))
-    for part in _pieces(view, scenes.agent[: step + 1]):
+    for part in _pieces(view, np.asarray(scenes.agent[: step + 1])):
         way = pixels(view, part)
         if len(way) > 1:
             draw.line(way, fill=(30, 90, 200), width=2)

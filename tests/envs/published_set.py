@@ -15,7 +15,7 @@ PLACED = ("green", "yellow", "blue", "magenta")
 
 
 def capitals(task: str) -> str:
-    """The task with the colours as ZoneEnv and FlatWorld write them."""
+    """The task with the colours as ZoneEnv writes them."""
     return re.sub(r"[a-z]{2,}", lambda colour: colour.group().capitalize(), task)
 
 

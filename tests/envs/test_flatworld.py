@@ -10,18 +10,12 @@ from envs.flatworld.config import REGIONS
 from t2tl_jax.evaluation.episodes import first_episodes
 from t2tl_jax.evaluation.report import summarise, table
 from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.ltl.benchmark_tasks import BENCHMARK_TASKS
 from t2tl_jax.registry import make_env
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.unroll import Player
-from tests.envs.published_set import capitals
 
-TASKS = (
-    "F ((red & magenta) & F ((blue & green) & F yellow))",
-    "F (orange & (!red U magenta))",
-    "(!red U (green & blue & aqua)) & F (orange & F (red & magenta))",
-    "((!yellow & !orange) U (green & blue)) & (!green U magenta)",
-    "(blue -> F magenta) U (yellow | ((green & blue) & F orange))",
-)
+TASKS = tuple(BENCHMARK_TASKS[f"flat_{number}"] for number in range(1, 6))
 
 # By number: up, right, down, left, the diagonals, nothing.
 WAYS = [(0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1), (0, 0)]
@@ -39,7 +33,7 @@ def labels_at(env):
 
 @pytest.fixture(scope="module")
 def task_env(env):
-    return TaskEnv(env, compile_tasks([capitals(task) for task in TASKS], env.propositions, env.alphabet))
+    return TaskEnv(env, compile_tasks(TASKS, env.propositions, env.alphabet))
 
 
 def test_thirteen_letters_occur(env, labels_at):
