@@ -143,7 +143,9 @@ def _attempt_layouts(
         chosen = draws[alive, first[alive]]
         placed = np.concatenate([placed[alive], chosen[:, None]], axis=1)
         keepouts.append(keepout)
-    return placed
+        if not len(placed):
+            break
+    return placed.reshape(-1, 1 + num_zones, 2)
 
 
 def _first_free(draws: np.ndarray, placed: np.ndarray, least: np.ndarray) -> np.ndarray:
@@ -159,6 +161,8 @@ def _first_free(draws: np.ndarray, placed: np.ndarray, least: np.ndarray) -> np.
     first = np.full(len(draws), -1)
     for begin, end in ((0, 4), (4, 20), (20, DRAWS_PER_OBJECT)):
         waiting = np.flatnonzero(first < 0)
+        if not len(waiting):
+            break
         x, y = np.moveaxis(draws[waiting, begin:end], -1, 0)
         free = np.ones(x.shape, bool)
         for other, distance in zip(np.moveaxis(placed[waiting], 1, 0), least, strict=True):

@@ -59,7 +59,7 @@ def params_of_seeds(
         ValueError: for a seed that the environment has nothing for.
     """
     given = jax.tree.map(lambda *x: np.array(x, np.float32), *(dict(of) for of in numbers)) if numbers else {}
-    worlds = of_each_seed(lambda seed: env.env.make_params(seed, purpose=purpose), seeds)
+    worlds = of_each_seed(lambda seed: env.make_params(seed, purpose).env, seeds)
     return TaskParams(env=worlds, table=env.table, numbers=given)
 
 
