@@ -9,7 +9,9 @@ import jax
 import numpy as np
 
 from experiments import tuning
+from t2tl_jax.registry import configs
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.differences import differences
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.training.transfer import PART
 
@@ -76,10 +78,15 @@ def row(name: str, config: Config, seeds: Sequence[int], status: Mapping[str, An
     nearest = tuning.nearest(config)
     tuned = tuning.TUNED.get(nearest)
     marked = " (!)" if tuning.tuning_seeds(config, seeds) else ""
+    other = [
+        change
+        for change in differences(configs()[nearest][0], config)
+        if not change.startswith(("learner.network.", "learner.counterfactual", "pretrained", "seeds", "selection"))
+    ]
     before = status.get("pretraining", {}).get("frames_per_seed") if config.pretrained else 0
     return (
         name,
-        nearest,
+        " but ".join([nearest, *([", ".join(other)] if other else [])]),
         tuned.methods if tuned else "-",
         tuning.in_words(tuned.seeds) if tuned else "-",
         tuning.in_words(seeds) + marked,

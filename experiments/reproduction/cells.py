@@ -14,9 +14,11 @@ COST = ("frames (+ pre-training)", "training, all seeds", "compile")
 
 
 def text(values: Mapping[int, float] | Sequence[float], digits: int = 3) -> str:
-    """Mean and interval over seeds, for a cell; a dash where there is nothing."""
+    """Mean and interval over seeds, for a cell, and of how many if not of all; a dash where there is nothing."""
     data = list(values.values()) if isinstance(values, Mapping) else list(values)
-    return statistics.mean([value for value in data if np.isfinite(value)]).text(digits)
+    known = [value for value in data if np.isfinite(value)]
+    fewer = f" ({len(known)} of {len(data)})" if 0 < len(known) < len(data) else ""
+    return statistics.mean(known).text(digits) + fewer
 
 
 def share(rates: Mapping[int, float]) -> str:

@@ -28,7 +28,8 @@ def method_table(runs: Mapping[str, Stored], methods: Sequence[str] = tuple(METH
     rows = []
     for name in methods:
         method = METHODS[name]
-        zone, water = runs.get(f"zone-{SAME_UNDER_PPO.get(name, name)}"), runs.get(f"water-{WIDTHS.get(name, name)}")
+        same = SAME_UNDER_PPO.get(name, name)
+        zone, water = runs.get(f"zone-{same}"), runs.get(f"water-{WIDTHS.get(name, name)}")
         rows.append(
             (
                 f"`{name}`",
@@ -36,8 +37,8 @@ def method_table(runs: Mapping[str, Stored], methods: Sequence[str] = tuple(METH
                 "yes" if method.context else "no",
                 "every row" if method.counterfactual else "the own row",
                 "yes" if method.task_encoder.learned else "-",
-                "-" if zone is None else solved(zone),
-                "-" if zone is None else text(zone.end("discounted_return")),
+                "-" if zone is None else f"as `{same}`" if same != name else solved(zone),
+                "-" if zone is None or same != name else text(zone.end("discounted_return")),
                 "-" if water is None else solved(water),
             )
         )

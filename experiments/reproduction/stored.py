@@ -45,8 +45,8 @@ MOST_MEBIBYTES = 2
 SIZES = "sizes.json"
 """What a run's networks come to, counted when it is kept."""
 
-WRITTEN = ("results/", "docs/", "README.md")
-"""What `experiments.reproduce` writes into the repository, which no run depends on."""
+WRITTEN = ("results/", "docs/")
+"""Where `experiments.reproduce` writes in the repository, besides README.md."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,12 @@ class Stored:
     def versions(self) -> dict[str, Any]:
         """The software, the hardware and the commit that it began with."""
         return read_json(RunFolder(self.path).versions)["started"]
+
+    @property
+    def sessions(self) -> list[dict[str, Any]]:
+        """The same of every session that worked on it."""
+        versions = read_json(RunFolder(self.path).versions)
+        return [versions["started"], *versions.get("resumed", [])]
 
     @property
     def sizes(self) -> Sizes | None:
@@ -148,8 +154,10 @@ def changes(session: Mapping[str, Any]) -> str:
     if not session.get("git_revision"):
         return "its commit is not known"
     changed = session.get("git_changed", [])
-    others = [path for path in changed if not path.startswith(WRITTEN)]
-    if not session.get("git_modified") or (changed and len(changed) < MOST_CHANGES and not others):
+    others = [path for path in changed if not (path.startswith(WRITTEN) or path == "README.md")]
+    if session.get("git_modified") is None:
+        return "what its tree differed in from its commit is not known"
+    if not session["git_modified"] or (changed and len(changed) < MOST_CHANGES and not others):
         return ""
     return f"its tree differed from commit {session['git_revision'][:7]} in {', '.join(others[:3]) or 'some files'}"
 

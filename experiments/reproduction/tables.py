@@ -35,7 +35,7 @@ def methods(runs: Mapping[str, Stored], labels: Mapping[str, str], published: Ma
             )
         )
     heading = (
-        *("method", "solved", "deterministic: over 95 %"),
+        *("method", "solved", "deterministic: its episodes succeed"),
         *("return, training", "return, final", "return, best", "published", *COST),
     )
     return table(heading, rows)
@@ -92,10 +92,10 @@ def curves_by_episode(
 
 
 def returns_at(run: Stored, marks: Sequence[int]) -> np.ndarray:
-    """Return without discount of each seed's last 500 episodes at each mark, ``float[seeds, marks]``; NaN if later."""
+    """What `return_by_episode` says of every seed, ``float[seeds, marks]``."""
     return np.stack([return_by_episode(run.columns, seed, marks) for seed in run.seeds])
 
 
 def mean_return_at(run: Stored, marks: Sequence[int]) -> dict[int, float]:
-    """Mean of the same over the marks, by seed; NaN for a seed that did not play so many episodes."""
+    """Mean of the same over the marks, by seed."""
     return dict(zip(run.seeds, returns_at(run, marks).mean(axis=1).tolist(), strict=True))

@@ -49,7 +49,8 @@ def return_by_episode(
 ) -> np.ndarray:
     """Average return without discount (+1 success, -1 violation) of the last episodes at each mark, ``float[marks]``.
 
-    NaN at marks that were not reached.
+    A training that ended before a mark counts with what it had come to: to leave it out would favour those whose long
+    episodes, which succeed late or never, make them few. NaN if it played fewer than `window` episodes.
 
     Args:
         columns: of a metrics file.
@@ -64,8 +65,8 @@ def return_by_episode(
     total = np.concatenate([[0.0], np.cumsum(episodes * each)])
     values = np.full(len(marks), np.nan)
     for index, mark in enumerate(marks):
-        end = int(np.searchsorted(count, mark))
-        if end < len(count):
+        end = min(int(np.searchsorted(count, mark)), len(count) - 1)
+        if count[end] >= min(mark, window):
             start = max(int(np.searchsorted(count, count[end] - window, side="right")) - 1, 0)
             values[index] = (total[end] - total[start]) / (count[end] - count[start])
     return values

@@ -37,7 +37,7 @@ def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     Args:
         arguments: of the command line; by default those of this process.
     """
-    changed = _git("status", "--porcelain", "--untracked-files=no") or ""
+    changed = _git("status", "--porcelain", "--no-renames", "--untracked-files=no")
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": list(sys.argv if arguments is None else arguments),
@@ -47,8 +47,8 @@ def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         "cpu_count": os.cpu_count(),
         "packages": {name: _version(name) for name in PACKAGES},
         "git_revision": _git("rev-parse", "HEAD"),
-        "git_modified": bool(changed),
-        "git_changed": [line[2:].strip() for line in changed.splitlines()[:MOST_CHANGES]],
+        "git_modified": None if changed is None else bool(changed),
+        "git_changed": [line[2:].strip() for line in (changed or "").splitlines()[:MOST_CHANGES]],
         "backend": jax.default_backend(),
         "devices": [device.device_kind for device in jax.devices()],
         "matmul_precision": jax.config.jax_default_matmul_precision,  # type: ignore[attr-defined]  # jax 0.9

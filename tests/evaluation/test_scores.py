@@ -39,4 +39,5 @@ def test_returns_by_episode_average_the_last_ones():
         "success_rate": np.array([0.0, np.nan, 0.5, 1.0]),
         "violation_rate": np.array([1.0, np.nan, 0.5, 0.0]),
     }
-    np.testing.assert_allclose(return_by_episode(columns, 0, (10, 20, 30, 40), window=20), [-1.0, -0.5, 0.5, np.nan])
+    np.testing.assert_allclose(return_by_episode(columns, 0, (10, 20, 30, 40), window=20), [-1.0, -0.5, 0.5, 0.5])
+    assert np.isnan(return_by_episode(columns, 0, (40,), window=35)).all()  # of so many episodes nothing is known

@@ -9,7 +9,7 @@ from experiments.benchmarks import ltl as benchmark_ltl
 @pytest.mark.parametrize(
     ("command", "flags", "said"),
     [
-        (benchmark_ltl, ["--families", "phi_water", "Foo"], 'unknown task family "Foo"; known: Default, Until_'),
+        (benchmark_ltl, ["--families", "phi_water", "Foo"], 'unknown task family "Foo"; known: chains, '),
         (benchmark_ltl, ["--families", "phi_watr"], 'did you mean "phi_water"'),
         (benchmark_ltl, ["--families"], "one or more names, got none"),
         (benchmark_ltl, ["--draws", "0"], "draws must be at least 1, got 0"),
