@@ -11,13 +11,14 @@ import numpy as np
 
 from t2tl_jax.ltl import renaming
 from t2tl_jax.ltl import tokens as vocabulary
-from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, check_cells, every_letter, letter_weights
+from t2tl_jax.ltl.compiler.alphabet import every_letter
 from t2tl_jax.ltl.compiler.automaton import Automaton, build
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import TooLargeError
 from t2tl_jax.ltl.families import TaskFamily, make_sampler
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.languages import Language, languages
+from t2tl_jax.ltl.padding import blank
 from t2tl_jax.ltl.table import TaskTable
 
 DRAWS_PER_TASK = 50
@@ -42,8 +43,7 @@ def compile_pool(
     """Draw `size` different formulas of a family and compile them to one table, on the host.
 
     Every proposition has its letter, used or not, so that tables of equal arguments but for the seed have equal shapes.
-    Rows that are left over repeat the row of false: no transition leads there, no episode starts there, their verdict
-    is -1, and a task encoder reads the formula `False` in them. So they are never visited, sampled or learned from.
+    Rows that are left over repeat the row of false, see `padding.blank`.
 
     Formulas that do not fit are drawn again: those with a progressed formula of more than `length` tokens, and those
     with more states than there are rows left. The caps therefore shorten the tail of a family.
@@ -101,20 +101,9 @@ class _Builder:
         held_out: frozenset[Language],
     ) -> None:
         self.unlike, self.without, self.held_out = unlike, without, held_out
-        everything = list(range(len(names)))
-        check_cells(rows, len(names), alphabet)
         self.names, self.alphabet, self.rows, self.length = names, alphabet, rows, length
         self.progression = progression
-        self.weights = letter_weights(len(names), everything, alphabet)
-        letters = len(names) + 1 if alphabet == AT_MOST_ONE else 2 ** len(names)
-        # Rows start as copies of false, which is also what the left-over ones stay.
-        self.tokens = np.zeros((rows, length), np.int32)
-        self.tokens[:, 0] = vocabulary.OPERATOR_ID["False"]
-        self.tokens[0, 0] = vocabulary.OPERATOR_ID["True"]
-        self.next_row = np.ones((rows, letters), np.int32)
-        self.next_row[0] = 0
-        self.verdict = np.full(rows, -1, np.int8)
-        self.verdict[0] = 1
+        self.arrays = blank(names, alphabet, rows, length)
         self.row_of: dict[tuple[int, ...], int] = {}
         self.used = 2
         self.initial_row: list[int] = []
@@ -162,18 +151,14 @@ class _Builder:
         columns = every_letter(automaton.letter_weights, self.alphabet)
         for row in fresh:
             target = new_row[row]
-            self.tokens[target] = 0
-            self.tokens[target, : len(automaton.tokens[row])] = automaton.tokens[row]
-            self.next_row[target] = new_row[automaton.next_row[row, columns]]
-            self.verdict[target] = 0
+            self.arrays["tokens"][target] = 0
+            self.arrays["tokens"][target, : len(automaton.tokens[row])] = automaton.tokens[row]
+            self.arrays["next_row"][target] = new_row[automaton.next_row[row, columns]]
+            self.arrays["verdict"][target] = 0
 
     def table(self) -> TaskTable:
-        arrays = {
-            "tokens": self.tokens,
-            "mask": self.tokens != vocabulary.PADDING,
-            "next_row": self.next_row,
-            "verdict": self.verdict,
+        arrays = self.arrays | {
+            "mask": self.arrays["tokens"] != vocabulary.PADDING,
             "initial_row": np.array(self.initial_row, np.int32),
-            "letter_weights": self.weights,
         }
         return TaskTable(**jax.device_put(arrays), propositions=self.names, alphabet=self.alphabet)

@@ -1,6 +1,7 @@
 """Tasks by name: the formulas of the paper and of benchmarks, and the reward machines of the water benchmark."""
 
 import re
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 
@@ -75,13 +76,16 @@ def resolve_task(text: str) -> Formula:
     return parse(text)
 
 
-def resolve_tasks(text: str) -> dict[str, Formula]:
+def resolve_tasks(text: str | Iterable[str]) -> dict[str, Formula]:
     """Return the tasks of a list such as `z1,z2,F(Blue & F Green)`, in its order, by what they are called there.
+
+    Args:
+        text: names and formulas, apart by commas, or one by one.
 
     Raises:
         LTLError: for an empty list, an unknown name or a malformed formula.
     """
-    words = [word.strip() for word in text.split(",") if word.strip()]
+    words = [word.strip() for word in (text.split(",") if isinstance(text, str) else text) if word.strip()]
     if not words:
         raise LTLError("the list of tasks is empty; give names or formulas, apart by commas, such as z1,z2")
     return {word: _task_of_list(word) for word in words}
