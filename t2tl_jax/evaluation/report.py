@@ -10,6 +10,16 @@ import numpy as np
 from t2tl_jax.evaluation.episodes import Episodes
 from t2tl_jax.evaluation.statistics import SOLVED, Estimate, mean, mean_rate, rate
 
+COLUMNS = {
+    "success": "success_rate",
+    "violation": "violation_rate",
+    "time-out": "timeout_rate",
+    "ended by env": "env_termination_rate",
+    "steps on success": "success_length",
+    "discounted return": "discounted_return",
+}
+"""Columns of every printed table: their headings, and the estimates in them."""
+
 
 @dataclass(frozen=True)
 class SeedReport:
@@ -100,25 +110,12 @@ def table(reports: Mapping[str, Report]) -> str:
         reports: by the name of the policy, for instance ``{"final deterministic": ..., "best sampled": ...}``. Of
             those whose names begin with "final", the final parameters, alone it is said that they solve the task.
     """
-    header = (
-        "policy",
-        "seed",
-        "episodes",
-        "success",
-        "violation",
-        "time-out",
-        "ended by env",
-        "steps on success",
-        "discounted return",
-    )
-    lines: list[tuple[str, ...]] = [header]
+    lines: list[tuple[str, ...]] = [("policy", "seed", "episodes", *COLUMNS)]
     for policy, report in reports.items():
-        lines += [(policy, str(seed.seed), str(seed.success_rate.count), *_cells(seed)) for seed in report.seeds]
+        lines += [(policy, str(seed.seed), str(seed.success_rate.count), *cells(seed)) for seed in report.seeds]
         if len(report.seeds) > 1:
-            lines.append((policy, "mean", "", *_cells(report)))
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    text = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
-    text.insert(1, "  ".join("-" * width for width in widths))
+            lines.append((policy, "mean", "", *cells(report)))
+    text = aligned(lines)
     for policy, report in reports.items():
         above = _above(report, policy.startswith("final"))
         text.append(f"{policy}: {above}, mean discounted return {report.discounted_return.text()}")
@@ -152,12 +149,13 @@ def _seed_report(seed: int, episodes: Episodes) -> SeedReport:
     )
 
 
-def _cells(report: SeedReport | Report) -> tuple[str, ...]:
-    return (
-        report.success_rate.text(),
-        report.violation_rate.text(),
-        report.timeout_rate.text(),
-        report.env_termination_rate.text(),
-        report.success_length.text(1),
-        report.discounted_return.text(),
-    )
+def cells(report: Any) -> tuple[str, ...]:
+    """The `COLUMNS` of a report, or of anything that has these estimates."""
+    return tuple(getattr(report, name).text(1 if name == "success_length" else 3) for name in COLUMNS.values())
+
+
+def aligned(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a table in columns of equal width, with a rule below the first one."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    text = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
+    return [text[0], "  ".join("-" * width for width in widths), *text[1:]]

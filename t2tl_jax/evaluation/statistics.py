@@ -100,6 +100,57 @@ def score_interval(share: float, count: int, confidence: float = CONFIDENCE) -> 
     return Estimate(share, float(low), float(high), count)
 
 
+def exact_rate(hits: int, count: int, intervals: int = 1) -> Estimate:
+    """A proportion with the exact binomial interval of Clopper and Pearson (1934), which never covers too rarely.
+
+    Args:
+        hits: how many of `count` independent trials.
+        count: at least 1.
+        intervals: how many are claimed together; each gets its share of the 5 % (Bonferroni), so that all of them hold
+            at once with 95 %.
+
+    Raises:
+        ValueError: unless ``0 <= hits <= count``, with both of `count` and `intervals` at least 1.
+    """
+    if not 0 <= hits <= count or count < 1 or intervals < 1:
+        raise ValueError(f"an exact rate needs 0 <= hits <= count, got {hits} of {count} in {intervals} intervals")
+    level = 1 - (1 - CONFIDENCE) / intervals
+    found = stats.binomtest(hits, count).proportion_ci(level, method="exact")
+    return Estimate(hits / count, float(found.low), float(found.high), count)
+
+
+def two_way_mean(values: np.ndarray, lowest: float = float("-inf"), highest: float = float("inf")) -> Estimate:
+    """The mean over seeds and formulas, both of them samples: for other seeds and for other formulas of the kind.
+
+    The variance is that of clustering by seeds plus that of clustering by formulas (Cameron, Gelbach and Miller, 2011,
+    *Robust inference with multiway clustering*, J. Business & Economic Statistics 29). Their third term, which is
+    subtracted, is left out: the sum stays positive and errs on the wide side. Student's t with one less degree of
+    freedom than there are of the rarer of both.
+
+    Args:
+        values: ``float[seeds, formulas]``; NaN where there is none.
+        lowest: smallest possible value.
+        highest: largest possible value.
+
+    Returns:
+        Without an interval where there are fewer than two seeds or two formulas, or all values are equal.
+    """
+    values = np.asarray(values, np.float64)
+    known = np.isfinite(values)
+    count = int(known.sum())
+    if count == 0:
+        return Estimate(None, None, None, 0)
+    centre = float(values[known].mean())
+    levels = [int(known.any(axis=1 - axis).sum()) for axis in (0, 1)]
+    if min(levels) < 2 or np.ptp(values[known]) == 0:
+        return Estimate(centre, None, None, count)
+    rest = np.where(known, values - centre, 0.0)
+    clusters = (rest.sum(axis=1 - axis) for axis in (0, 1))
+    variance = sum(n / (n - 1) * float((sums**2).sum()) / count**2 for n, sums in zip(levels, clusters, strict=True))
+    half = float(stats.t.ppf(0.5 + CONFIDENCE / 2, min(levels) - 1) * np.sqrt(variance))
+    return Estimate(centre, max(centre - half, lowest), min(centre + half, highest), count)
+
+
 def interquartile_mean(values: Sequence[float] | np.ndarray, seed: int = 0) -> Estimate:
     """The mean of the middle half of the seeds, with a bootstrap interval (bias-corrected and accelerated, BCa).
 

@@ -53,7 +53,7 @@ def padded(automaton: Automaton, rows: int, length: int) -> TaskTable:
     used, longest = len(automaton.tokens), max(map(len, automaton.tokens))
     if used > rows or longest > length:
         raise TooLargeError(
-            f"the tasks have {used} rows of at most {longest} tokens, and the table has room for {rows} rows of {length}"
+            f"the tasks have {used} rows of up to {longest} tokens, and the table has room for {rows} rows of {length}"
         )
     arrays = blank(automaton.propositions, automaton.alphabet, rows, length)
     for row, tokens in enumerate(automaton.tokens):

@@ -1,6 +1,6 @@
 """Evaluating the policies of a run, and keeping the results beside it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any, Literal
@@ -13,6 +13,7 @@ from t2tl_jax.evaluation.animation import captions, record, save_gif
 from t2tl_jax.evaluation.episodes import distinct, player_of_seeds
 from t2tl_jax.evaluation.report import Report, summarise
 from t2tl_jax.evaluation.statistics import Estimate
+from t2tl_jax.ltl import TaskTable
 from t2tl_jax.runs import machine_files
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
@@ -64,22 +65,54 @@ def evaluate_policies(
     Returns:
         By the name of the parameters, then of the policy.
     """
+    played = evaluate_tables(experiment, params, [experiment.table], episodes, episode_length)
+    return {name: reports[0] for name, reports in played.items()}
+
+
+def evaluate_tables(
+    experiment: Experiment,
+    params: Mapping[Which, Params],
+    tables: Sequence[TaskTable],
+    episodes: int,
+    episode_length: int,
+) -> dict[Which, list[dict[str, Report]]]:
+    """As `evaluate_policies`, on one table after another. Where they have equal shapes, nothing compiles anew.
+
+    Every table meets the same random numbers, so that what it gives does not depend on the others.
+
+    Args:
+        experiment: environment and learner.
+        params: as in `evaluate_policies`.
+        tables: the tasks, at least one table.
+        episodes: per seed, policy and table, at most.
+        episode_length: time limit in steps.
+
+    Returns:
+        By the name of the parameters, in the order of the tables, by the name of the policy.
+    """
+    experiment = experiment.with_table(tables[0])
     seeds, discount = experiment.seeds, experiment.config.learner.discount
     keys, env_params = stream_keys(seeds, EVALUATION), experiment.env_params("evaluation")
+    given = [replace(env_params, table=table) for table in tables]
 
-    def one(deterministic: bool) -> dict[Which, Report]:
+    def one(deterministic: bool) -> dict[Which, list[Report]]:
         count = distinct(experiment.task_env, episodes, deterministic)
         play = player_of_seeds(experiment.task_env, experiment.agent, count, episode_length, discount, deterministic)
-        reports: dict[Which, Report] = {}
+        reports: dict[Which, list[Report]] = {}
         for name, own in params.items():
             same = [other for other in reports if _equal(own, params[other])]
-            played = None if same else jax.device_get(play(own, env_params, keys))
-            reports[name] = reports[same[0]] if played is None else summarise(played, seeds)
+            reports[name] = (
+                reports[same[0]]
+                if same
+                else [summarise(jax.device_get(play(own, tasks, keys)), seeds) for tasks in given]
+            )
         return reports
 
     with ThreadPoolExecutor(max_workers=len(POLICIES)) as threads:
         found = dict(zip(POLICIES, threads.map(one, POLICIES.values()), strict=True))
-    return {name: {policy: found[policy][name] for policy in POLICIES} for name in params}
+    return {
+        name: [{policy: found[policy][name][k] for policy in POLICIES} for k in range(len(tables))] for name in params
+    }
 
 
 def lines(reports: Mapping[Which, Mapping[str, Report]]) -> dict[str, Report]:

@@ -97,7 +97,7 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     length = config.task_length or None
     task = str(config.task)
     table = compile_named(task, env.propositions, env.alphabet, length=length, progression=config.progression)
-    _check_open(task, table)
+    check_open(task, table)
     return table
 
 
@@ -110,11 +110,15 @@ def _languages(table: TaskTable, rows: np.ndarray) -> frozenset[Language]:
     return frozenset(languages(np.asarray(table.next_row), np.asarray(table.verdict), rows.tolist()))
 
 
-def _check_open(task: str, table: TaskTable) -> None:
-    """Refuse what every episode would end with at its first step, whatever the agent does."""
+def check_open(task: str, table: TaskTable) -> None:
+    """Refuse what every episode would end with at its first step, whatever the agent does.
+
+    Raises:
+        ValueError: for a task that is decided before the first step.
+    """
     verdicts = np.asarray(table.verdict)[np.asarray(table.initial_row)]
     if (verdicts > 0).any():
-        raise ValueError(f"{task} is true from the start, so there is nothing to learn; give another task")
+        raise ValueError(f"{task} is true from the start, so there is nothing to do; give another task")
     if (verdicts < 0).any():
         reason = ""
         if table.alphabet == AT_MOST_ONE:

@@ -1,8 +1,9 @@
 """What a training leaves behind, in memory or on disk: metrics, parameters, policies, evaluations."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import overload
 
 import jax
 import numpy as np
@@ -12,6 +13,7 @@ from t2tl_jax.errors import UserError, explained
 from t2tl_jax.evaluation.report import Report
 from t2tl_jax.ltl import TaskFamily, TaskTable
 from t2tl_jax.runs import evaluations
+from t2tl_jax.runs.any_task import compile_each
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.evaluations import WHICH, Which
 from t2tl_jax.runs.experiment import Experiment
@@ -99,6 +101,7 @@ class Result:
         embedding = jax.jit(experiment.agent.embed)(params, experiment.table)
         return Policy(params, embedding, experiment.table, experiment.agent)
 
+    @overload
     def evaluate(
         self,
         task: str | TaskFamily | TaskTable | None = None,
@@ -106,36 +109,83 @@ class Result:
         env: LabelledEnv | None = None,
         episode_length: int | None = None,
         which: Which = "final",
-    ) -> dict[str, Report]:
+        tasks: None = None,
+    ) -> dict[str, Report]: ...
+
+    @overload
+    def evaluate(
+        self,
+        task: None = None,
+        episodes: int = 100,
+        env: LabelledEnv | None = None,
+        episode_length: int | None = None,
+        which: Which = "final",
+        *,
+        tasks: Sequence[str],
+    ) -> dict[str, dict[str, Report]]: ...
+
+    def evaluate(
+        self,
+        task: str | TaskFamily | TaskTable | None = None,
+        episodes: int = 100,
+        env: LabelledEnv | None = None,
+        episode_length: int | None = None,
+        which: Which = "final",
+        tasks: Sequence[str] | None = None,
+    ) -> dict[str, Report] | dict[str, dict[str, Report]]:
         """Play complete episodes with every seed; reports with intervals of the deterministic and the sampled policy.
 
         Args:
             task: another task than the one that was trained on; of a one-hot code see `policy`.
-            episodes: per seed and policy.
+            episodes: per seed, policy and task.
             env: another environment with the same observations, actions and propositions, such as other physics.
             episode_length: another time limit, in steps.
             which: the final or the best parameters.
+            tasks: several tasks instead, by name or as formulas, all in one compiled program.
+
+        Returns:
+            By the name of the policy; with `tasks`, by what each is called there, then by the name of the policy.
 
         Raises:
             UserError: for a task that does not fit.
         """
         params = {which: self.params_of(which)}
-        experiment = self._on(task)
-        if env is not None:
-            experiment = replace(experiment, env=env)
+        if task is not None and tasks is not None:
+            raise UserError("evaluate takes one task or a list of tasks, got both")
+        if isinstance(tasks, str):
+            raise UserError(f"tasks is a list of names and formulas, got the text {tasks!r}; give [{tasks!r}]")
+        experiment = self.experiment if env is None else replace(self.experiment, env=env)
         length = self.config.episode_length if episode_length is None else episode_length
-        return evaluations.evaluate_policies(experiment, params, episodes, length)[which]
+        if tasks is None:
+            return evaluations.evaluate_policies(self._on(task, experiment), params, episodes, length)[which]
+        tables = self.tables(tasks)
+        played = evaluations.evaluate_tables(experiment, params, list(tables.values()), episodes, length)[which]
+        return dict(zip(tables, played, strict=True))
 
-    def _on(self, task: str | TaskFamily | TaskTable | None) -> Experiment:
-        """The experiment with another task; UserError if the network cannot read it."""
+    def tables(self, tasks: Sequence[str]) -> dict[str, TaskTable]:
+        """A table for each of some tasks, all of equal shapes; by what each is called in the list.
+
+        Args:
+            tasks: names or formulas.
+
+        Raises:
+            UserError: for a task that does not fit, or a network that cannot read formulas.
+        """
+        tables = compile_each(self.experiment, tasks)
+        self._on(next(iter(tables.values())))
+        return tables
+
+    def _on(self, task: str | TaskFamily | TaskTable | None, experiment: Experiment | None = None) -> Experiment:
+        """The experiment, by default the run's, with another task; UserError if the network cannot read it."""
+        experiment = experiment or self.experiment
         if task is None:
-            return self.experiment
+            return experiment
         if isinstance(task, str | TaskFamily):
             with explained():
                 table = make_table(replace(self.config, task=task), self.experiment.env)
         else:
             table = task
-        experiment = self.experiment.with_table(table)
+        experiment = experiment.with_table(table)
         try:
             jax.eval_shape(lambda params: experiment.agent.embed(seed_slice(params, 0), table), self.params["final"])
         except (ValueError, TypeError) as error:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 from t2tl_jax.env import EnvConfig, LabelledEnv
 from t2tl_jax.errors import UserError, explained
@@ -224,6 +224,14 @@ def _in_words(seeds: Sequence[int]) -> str:
     return ",".join(map(str, seeds)) + ","
 
 
-def evaluate(run: Result | str | Path, **options: Any) -> dict[str, Report]:
+@overload
+def evaluate(run: Result | str | Path, *, tasks: None = None, **options: Any) -> dict[str, Report]: ...
+
+
+@overload
+def evaluate(run: Result | str | Path, *, tasks: Sequence[str], **options: Any) -> dict[str, dict[str, Report]]: ...
+
+
+def evaluate(run: Result | str | Path, **options: Any) -> Any:
     """Play complete episodes with the policies of a run, given as a result or as its folder: see `Result.evaluate`."""
     return (run if isinstance(run, Result) else load(run)).evaluate(**options)

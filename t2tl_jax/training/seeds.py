@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
-TRAINING, EVALUATION, ANIMATION, SELECTION = 1, 2, 3, 4
+TRAINING, EVALUATION, ANIMATION, SELECTION, CERTIFICATE = 1, 2, 3, 4, 5
 """Names of the key streams of a seed. Adding a stream does not move the others."""
 
 FIRST_TUNING_SEED = 100
