@@ -23,11 +23,19 @@ class Arguments:
     run: tyro.conf.Positional[Path]
     """Folder of the run."""
     episodes: int = 1000
-    """Episodes per seed and policy; of the deterministic one a single one per task where all would be the same."""
+    """Episodes per seed, policy and task; of the deterministic one a single one where all would be the same."""
     which: Literal["both", "final", "best"] = "both"
     """The parameters at the end of training, those that did best in episodes played to choose between them, or both."""
     task: str | None = None
     """Another task, by name or as a formula; the run's own by default."""
+    tasks: str | None = None
+    """Several tasks, by name or as formulas, apart by commas, or a file with one on each line: a table of all."""
+    certify: int = 0
+    """Instead of the table, play so many episodes of each task with one policy, and bound its rates exactly."""
+    seed: int | None = None
+    """Whose policy is certified; the first seed's by default."""
+    policy: Literal["sampled", "deterministic"] = "sampled"
+    """Which of them is certified; of the final parameters unless --which says best."""
     physics: Literal["mjx", "closed_form"] | None = None
     """Other physics than the run's, in ZoneEnv."""
     episode_length: int | None = None
@@ -51,6 +59,12 @@ def _main(texts: list[str]) -> int:
     )
     if arguments.episodes < 1:
         raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
+    if arguments.task is not None and arguments.tasks is not None:
+        raise UserError("give one task (--task) or a list of them (--tasks), not both")
+    if arguments.certify < 0:
+        raise UserError(f"--certify is a number of episodes, got {arguments.certify}")
+    if arguments.gif and (arguments.tasks is not None or arguments.certify):
+        raise UserError("--gif draws an episode of a single evaluated task; python -m experiments.play draws any")
     # Imported late: loading JAX and MuJoCo takes seconds, which --help and mistakes need not wait for.
     from t2tl_jax.runs.interrupts import Interrupted, StopRequest
 
@@ -75,6 +89,9 @@ def _evaluate(arguments: Arguments) -> None:
     evaluations.stored(folder)  # tells of a damaged file before the work
     compilation_cache.use(stored.run.compilation_cache)
     result = train.load(arguments.run, **_changes(stored, arguments))
+    if arguments.tasks is not None or arguments.certify:
+        _evaluate_tasks(arguments, folder, stored, result)
+        return
     chosen = evaluations.WHICH if arguments.which == "both" else (arguments.which,)
     length = result.config.episode_length
 
@@ -97,6 +114,34 @@ def _evaluate(arguments: Arguments) -> None:
         print(f"not stored: only seeds {', '.join(map(str, result.seeds))} of {stored.seeds} are kept with parameters")
     if arguments.gif and evaluations.draw_episode(result.experiment, result.params[chosen[0]], folder):
         print(f"drawn: {folder.gif}")
+
+
+def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any) -> None:
+    """Play a list of tasks, or certify them; what is printed is stored as well."""
+    from experiments import evaluate_tasks
+    from t2tl_jax.runs import evaluations
+    from t2tl_jax.training.seeds import parse_seeds
+
+    tasks = None if arguments.tasks is None else evaluate_tasks.listed(arguments.tasks)
+
+    def settings(which: Any, episodes: int) -> Any:
+        return evaluations.settings(folder, result.experiment, which, result.iteration, episodes)
+
+    if arguments.certify or tasks is None:
+        one: Any = "best" if arguments.which == "best" else "final"
+        made = evaluate_tasks.certify(result, tasks, one, arguments.seed, arguments.policy, arguments.certify)
+        evaluate_tasks.store_certificates(folder, settings(one, arguments.certify), made)
+        print(f"stored: {folder.certificates}")
+        return
+    chosen = evaluations.WHICH if arguments.which == "both" else (arguments.which,)
+    reports = evaluate_tasks.evaluate(result, tasks, chosen, arguments.episodes)
+    if result.seeds != parse_seeds(stored.seeds):
+        print(f"not stored: only seeds {', '.join(map(str, result.seeds))} of {stored.seeds} are kept with parameters")
+        return
+    for which, by_task in reports.items():
+        for task, report in by_task.items():
+            evaluations.store(folder, settings(which, arguments.episodes) | {"task": task}, report)
+    print(f"stored: {folder.evaluation}")
 
 
 def _changes(stored: Any, arguments: Arguments) -> dict[str, Any]:

@@ -70,35 +70,30 @@ class Recording:
         return "out of time" if self.truncated else "ended by the environment"
 
 
-def record(
-    env: TaskEnv,
-    view: View,
-    agent: Agent,
-    params: Params,
-    env_params: TaskParams,
-    key: jax.Array,
-    episode_length: int,
-    deterministic: bool,
-) -> Recording:
-    """Play one episode and keep what there was to see.
+NOTHING = Scene(*(np.zeros(shape, np.float32) for shape in ((0, 2), 0, 2, 2)))
+"""The scene of an environment without a view."""
+
+Recorder = Callable[[Params, TaskParams, jax.Array], Recording]
+"""From the parameters of one seed, those of its environment, and a single key to a recorded episode."""
+
+
+def recorder(env: TaskEnv, view: View | None, agent: Agent, episode_length: int, deterministic: bool) -> Recorder:
+    """What plays one episode and keeps what there was to see; compiled once for all tables of equal shapes.
 
     Args:
         env: the environment.
-        view: of the environment inside.
+        view: of the environment inside; without one the scenes hold `NOTHING`.
         agent: offers ``embed``, ``begin``, ``act`` and ``remember``.
-        params: of one seed.
-        env_params: of one seed.
-        key: a single key.
         episode_length: time limit in steps.
         deterministic: whether to take the mode of the policy.
     """
 
-    def look(state: State) -> tuple[Scene, jax.Array]:
-        scene = jax.vmap(view.scene, (0, None))(state.pipeline_state.env, env_params.env)
-        return jax.tree.map(lambda x: x[0], (scene, env.row(state)))
-
     def play(params: Params, env_params: TaskParams, key: jax.Array) -> tuple[Any, Any]:
         policy = player_of(agent, env, params, agent.embed(params, env_params.table), deterministic)
+
+        def look(state: State) -> tuple[Scene, jax.Array]:
+            inner = jax.tree.map(lambda x: x[0], state.pipeline_state.env)
+            return NOTHING if view is None else view.scene(inner, env_params.env), env.row(state)[0]
 
         def seen(step: Step) -> tuple[tuple[Scene, jax.Array], jax.Array, jax.Array, jax.Array]:
             verdict = env.verdict(step.state, env_params)
@@ -111,11 +106,32 @@ def record(
         )
         return look(first.state), steps
 
-    first, (then, verdicts, terminated, truncated) = jax.device_get(jax.jit(play)(params, env_params, key))
-    last = int(np.flatnonzero(terminated | truncated)[0])  # what follows is the next episode
-    length = last + 1
-    scenes, rows = jax.tree.map(lambda one, more: np.concatenate([np.asarray(one)[None], more[:length]]), first, then)
-    return Recording(scenes, rows, int(verdicts[last]), bool(truncated[last]))
+    compiled = jax.jit(play)
+
+    def recorded(params: Params, env_params: TaskParams, key: jax.Array) -> Recording:
+        first, (then, verdicts, terminated, truncated) = jax.device_get(compiled(params, env_params, key))
+        last = int(np.flatnonzero(terminated | truncated)[0])  # what follows is the next episode
+        length = last + 1
+        scenes, rows = jax.tree.map(
+            lambda one, more: np.concatenate([np.asarray(one)[None], more[:length]]), first, then
+        )
+        return Recording(scenes, rows, int(verdicts[last]), bool(truncated[last]))
+
+    return recorded
+
+
+def record(
+    env: TaskEnv,
+    view: View,
+    agent: Agent,
+    params: Params,
+    env_params: TaskParams,
+    key: jax.Array,
+    episode_length: int,
+    deterministic: bool,
+) -> Recording:
+    """Play one episode and keep what there was to see; the arguments are those of `recorder` and of what it gives."""
+    return recorder(env, view, agent, episode_length, deterministic)(params, env_params, key)
 
 
 def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[int], str] = lambda row: "") -> None:

@@ -29,6 +29,7 @@ class RunFolder:
         self.curves = self.path / "learning_curve.png"
         self.gif = self.path / "episode.gif"
         self.evaluation = self.path / "evaluation.json"
+        self.certificates = self.path / "certificates.json"
 
 
 def new_path(base: Path, name: str) -> Path:

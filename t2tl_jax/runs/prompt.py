@@ -1,0 +1,125 @@
+"""Formulas that are played as soon as they are typed: compiled programs that wait for the next one."""
+
+import time
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from t2tl_jax.errors import UserError, explained
+from t2tl_jax.evaluation.animation import Recording, recorder
+from t2tl_jax.ltl import LTLSyntaxError, TaskTable, resolve_tasks
+from t2tl_jax.runs.any_task import check_reads_formulas, compile_formulas
+from t2tl_jax.runs.evaluations import Which
+from t2tl_jax.runs.policy import seed_slice
+from t2tl_jax.runs.pools import check_open
+from t2tl_jax.runs.result import Result
+from t2tl_jax.task_env import TaskParams
+from t2tl_jax.training.seeds import ANIMATION, stream_keys
+from t2tl_jax.training.types import Params, repeated
+from t2tl_jax.training.unroll import begin, player_of
+
+
+@dataclass(frozen=True)
+class Played:
+    """One episode of a formula."""
+
+    table: TaskTable
+    """The formula as it was compiled."""
+    recording: Recording
+    """What happened."""
+    action: np.ndarray
+    """The first action of the episode."""
+    compile_ms: float
+    """From the text to the table on the device, milliseconds."""
+    action_ms: float
+    """From the text to the first action, milliseconds."""
+    is_new_shape: bool
+    """Whether a program had to compile, since no formula before was as large."""
+
+    def progress(self) -> list[tuple[int, str]]:
+        """What was left to do, and from which step on."""
+        rows = self.recording.rows.tolist()
+        changes = [step for step, row in enumerate(rows) if step == 0 or row != rows[step - 1]]
+        return [(step, self.table.text(rows[step])) for step in changes]
+
+
+class Prompt:
+    """The deterministic policy of one seed, ready for any formula that its network can read."""
+
+    def __init__(
+        self, result: Result, seed: int | None = None, which: Which = "final", episode_length: int | None = None
+    ) -> None:
+        """Choose a policy; nothing compiles before the first formula.
+
+        Args:
+            result: a trained run.
+            seed: its number; by default the first one.
+            which: the final or the best parameters.
+            episode_length: time limit in steps; by default the run's own.
+
+        Raises:
+            UserError: for a seed that is not there, or a network that cannot read formulas.
+        """
+        check_reads_formulas(result.experiment)
+        self._experiment = experiment = result.experiment
+        index = result.index(seed)
+        length = result.config.episode_length if episode_length is None else episode_length
+        self._params = jax.device_put(seed_slice(result.params_of(which), index))
+        every = experiment.env_params("evaluation")
+        self._env_params = jax.device_put(replace(every, env=seed_slice(every.env, index)))
+        self._key = stream_keys(experiment.seeds, ANIMATION)[index]
+        self._number = 0
+        self._shapes: set[tuple[int, ...]] = set()
+        env, agent, reader = experiment.task_env, experiment.agent, result.config.learner.task_encoder
+        self._record = recorder(env, experiment.env.view(), agent, length, deterministic=True)
+
+        def first_action(params: Params, env_params: TaskParams, key: jax.Array) -> jax.Array:
+            """What the recorded episode begins with; where formulas are read one by one, only the first row is."""
+            reset_key, key = jax.random.split(key)
+            table = env_params.table
+            read = _first_row(table) if reader is not None and reader.reads_tokens else table
+            codes = agent.embed(params, read)
+            embedding = jnp.broadcast_to(codes, (table.num_rows, codes.shape[-1]))
+            policy = player_of(agent, env, params, embedding, deterministic=True)
+            start = begin(env, env_params, reset_key, 1, length)
+            return policy.act(repeated(agent.begin(), 1), start.state, key)[0][0]
+
+        self._first_action = jax.jit(first_action)
+
+    def play(self, task: str) -> Played:
+        """Play one episode of a formula, or of a task by name; every call has a start of its own.
+
+        Raises:
+            UserError: for a formula with mistakes, in one line.
+        """
+        started = time.perf_counter()
+        table = self._compiled(task)
+        compiled = time.perf_counter()
+        given = (self._params, replace(self._env_params, table=table), jax.random.fold_in(self._key, self._number))
+        action = np.asarray(self._first_action(*given))
+        acted = time.perf_counter()
+        self._number += 1
+        is_new = table.tokens.shape not in self._shapes
+        self._shapes.add(table.tokens.shape)
+        recording = self._record(*given)
+        return Played(table, recording, action, 1e3 * (compiled - started), 1e3 * (acted - started), is_new)
+
+    def _compiled(self, task: str) -> TaskTable:
+        try:
+            (formula,) = resolve_tasks([task]).values()
+            with explained():
+                table = compile_formulas(self._experiment, [formula])
+                check_open(task, table)
+        except LTLSyntaxError as error:
+            expected = f"; expected {error.expected}" if error.expected else ""
+            raise UserError(f"{error.problem} at character {error.position + 1}{expected}") from error
+        except ValueError as error:
+            raise UserError(str(error).splitlines()[0]) from error  # below it a caret shows the place
+        return table
+
+
+def _first_row(table: TaskTable) -> TaskTable:
+    """A table of the one row that its task starts in, to be encoded by itself."""
+    return replace(table, tokens=table.tokens[table.initial_row], mask=table.mask[table.initial_row])
