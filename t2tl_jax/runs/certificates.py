@@ -146,7 +146,7 @@ def table(certificates: Certificates, met: Mapping[str, tuple[str, str]] | None 
         [
             *aligned(lines),
             f"Brackets: exact binomial intervals (Clopper and Pearson) from {certificates.episodes:,} episodes a task.",
-            f"All {number} hold at once with {CONFIDENCE:.0%}, each with {1 - (1 - CONFIDENCE) / number:.3%} (Bonferroni).",
+            f"All {number} hold at once with {CONFIDENCE:.0%} (Bonferroni, each {1 - (1 - CONFIDENCE) / number:.3%}).",
             f"Played in {certificates.seconds:.1f} s, after {certificates.compile_seconds:.1f} s of compiling.",
         ]
     )

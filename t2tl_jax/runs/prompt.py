@@ -17,7 +17,7 @@ from t2tl_jax.runs.pools import check_open
 from t2tl_jax.runs.result import Result
 from t2tl_jax.task_env import TaskParams
 from t2tl_jax.training.seeds import ANIMATION, stream_keys
-from t2tl_jax.training.types import Params, repeated
+from t2tl_jax.training.types import Agent, Params, repeated
 from t2tl_jax.training.unroll import begin, player_of
 
 
@@ -69,19 +69,20 @@ class Prompt:
         self._params = jax.device_put(seed_slice(result.params_of(which), index))
         every = experiment.env_params("evaluation")
         self._env_params = jax.device_put(replace(every, env=seed_slice(every.env, index)))
-        self._key = stream_keys(experiment.seeds, ANIMATION)[index]
-        self._number = 0
+        self._key, self._next = jax.random.split(stream_keys(experiment.seeds, ANIMATION)[index])
         self._shapes: set[tuple[int, ...]] = set()
-        env, agent, reader = experiment.task_env, experiment.agent, result.config.learner.task_encoder
+        env, agent = experiment.task_env, experiment.agent
         self._record = recorder(env, experiment.env.view(), agent, length, deterministic=True)
 
         def first_action(params: Params, env_params: TaskParams, key: jax.Array) -> jax.Array:
-            """What the recorded episode begins with; where formulas are read one by one, only the first row is."""
+            """What the recorded episode begins with."""
             reset_key, key = jax.random.split(key)
             table = env_params.table
-            read = _first_row(table) if reader is not None and reader.reads_tokens else table
-            codes = agent.embed(params, read)
-            embedding = jnp.broadcast_to(codes, (table.num_rows, codes.shape[-1]))
+            if _reads_rows_alone(agent, params, table):  # then the first row's code is all that is waited for
+                code = agent.embed(params, _first_row(table))
+                embedding = jnp.broadcast_to(code, (table.num_rows, code.shape[-1]))
+            else:
+                embedding = agent.embed(params, table)
             policy = player_of(agent, env, params, embedding, deterministic=True)
             start = begin(env, env_params, reset_key, 1, length)
             return policy.act(repeated(agent.begin(), 1), start.state, key)[0][0]
@@ -97,10 +98,10 @@ class Prompt:
         started = time.perf_counter()
         table = self._compiled(task)
         compiled = time.perf_counter()
-        given = (self._params, replace(self._env_params, table=table), jax.random.fold_in(self._key, self._number))
+        given = (self._params, replace(self._env_params, table=table), self._key)
         action = np.asarray(self._first_action(*given))
         acted = time.perf_counter()
-        self._number += 1
+        self._key, self._next = jax.random.split(self._next)  # here, where nobody waits for it
         is_new = table.tokens.shape not in self._shapes
         self._shapes.add(table.tokens.shape)
         recording = self._record(*given)
@@ -118,6 +119,15 @@ class Prompt:
         except ValueError as error:
             raise UserError(str(error).splitlines()[0]) from error  # below it a caret shows the place
         return table
+
+
+def _reads_rows_alone(agent: Agent, params: Params, table: TaskTable) -> bool:
+    """Whether the code of a row is made of its own tokens, and not of other rows and transitions."""
+    try:
+        code = jax.eval_shape(agent.embed, params, _first_row(table))
+    except (TypeError, ValueError):  # one part of it is, and the other does not fit beside it
+        return False
+    return code.shape[0] == 1
 
 
 def _first_row(table: TaskTable) -> TaskTable:

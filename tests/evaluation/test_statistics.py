@@ -2,7 +2,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from t2tl_jax.evaluation.statistics import band, interquartile_mean, mean, mean_rate, rate, score_interval
+from t2tl_jax.evaluation.statistics import (
+    band,
+    exact_rate,
+    interquartile_mean,
+    mean,
+    mean_rate,
+    rate,
+    score_interval,
+    two_way_mean,
+)
 
 
 def test_wilson_against_its_formula():
@@ -78,3 +87,40 @@ def test_band_leaves_gaps_out():
     np.testing.assert_allclose(centre, [2.0, 5.0, np.nan])
     np.testing.assert_allclose((low[1], high[1]), 5.0)
     assert np.isnan(low[2]) and np.isnan(high[2])
+
+
+def test_exact_intervals_are_those_of_clopper_and_pearson():
+    one = exact_rate(18, 20)
+    assert (one.low, one.high) == pytest.approx((stats.beta.ppf(0.025, 18, 3), stats.beta.ppf(0.975, 19, 2)))
+    assert exact_rate(20, 20).high == 1.0 and exact_rate(20, 20).low == pytest.approx(0.025 ** (1 / 20))
+    five = exact_rate(18, 20, intervals=5)
+    assert (five.low, five.high) == pytest.approx((stats.beta.ppf(0.005, 18, 3), stats.beta.ppf(0.995, 19, 2)))
+    for wrong in ((21, 20), (0, 0)):
+        with pytest.raises(ValueError, match="an exact rate needs"):
+            exact_rate(*wrong)
+
+
+def test_both_factors_of_a_two_way_mean_count():
+    seeds, tasks = np.array([0.0, 1.0, 5.0]), np.array([0.0, 2.0, 3.0, 7.0])
+    values = seeds[:, None] + tasks
+    estimate = two_way_mean(values)
+    half = stats.t.ppf(0.975, 2) * np.sqrt(stats.sem(seeds) ** 2 + stats.sem(tasks) ** 2)
+    assert estimate.value == values.mean() and estimate.high - estimate.value == pytest.approx(half)
+    np.testing.assert_allclose(two_way_mean(values.T).high, estimate.high)
+    assert two_way_mean(values, lowest=3.0, highest=6.0).low == 3.0
+    values[0, 0] = np.nan
+    assert two_way_mean(values).value == pytest.approx(np.nanmean(values)) and two_way_mean(values).count == 11
+    for without in (values[:1], values[:, 1:2], np.ones((3, 4))):
+        assert two_way_mean(without).low is None
+
+
+def test_two_way_intervals_cover_at_least_as_often_as_they_say():
+    rng = np.random.default_rng(0)
+
+    def drawn(of_seeds, of_tasks):
+        noise = rng.normal(size=(5, 8))
+        return two_way_mean(of_seeds * rng.normal(size=(5, 1)) + of_tasks * rng.normal(size=(1, 8)) + noise)
+
+    for scales in ((0.0, 0.0), (2.0, 0.5), (0.5, 2.0)):
+        hits = sum(one.low < 0 < one.high for one in (drawn(*scales) for _ in range(1000)))
+        assert stats.binomtest(hits, 1000, 0.95, alternative="less").pvalue > 0.001
