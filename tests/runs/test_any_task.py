@@ -1,0 +1,193 @@
+"""Formulas that a run was not trained on: lists of them, certificates, and the prompt."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+from t2tl_jax import Config, EnvConfig, NetworkConfig, OneHotConfig, PPOConfig, UserError
+from t2tl_jax.evaluation.statistics import exact_rate
+from t2tl_jax.ltl import Chains, compile_tasks
+from t2tl_jax.networks.joined import JoinedConfig
+from t2tl_jax.networks.lookahead import LookaheadConfig
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.runs import any_task, certificates
+from t2tl_jax.runs.experiment import Experiment, build
+from t2tl_jax.runs.prompt import Prompt, _reads_rows_alone
+from t2tl_jax.runs.result import Result
+from t2tl_jax.training.seeds import TRAINING, stream_keys
+from tests.agents.sizes import GRU, PPO
+from tests.evaluation.test_episodes import BROKEN, IDLE, SUCCESS, VIOLATION, FateEnv
+from tests.probe import ProbeEnv
+
+TASK = "F(Up & F Down)"
+TASKS = ["F Up", TASK, "!Down U (Up & X Down)"]
+
+
+def made(encoder: TaskEncoderConfig) -> Experiment:
+    """Two seeds in the probe's world."""
+    network = NetworkConfig(task_encoder=encoder, env_layers=(8,), actor_layers=(8,), critic_layers=(8,))
+    learner = replace(PPO, network=network)
+    config = Config(env=EnvConfig(), task=TASK, learner=learner, seeds="3,8", episode_length=8)
+    return build(config, ProbeEnv())
+
+
+@pytest.fixture(scope="module")
+def run() -> Result:
+    """Their parameters as they were drawn."""
+    experiment = made(GRU)
+    env_params, keys = experiment.task_env.make_params(0), stream_keys(experiment.seeds, TRAINING)
+    params = jax.jit(jax.vmap(lambda key: experiment.agent.init(key, env_params).params))(keys)
+    return Result(experiment, {"final": params, "best": params}, {}, 1)
+
+
+def counting(result: Result) -> tuple[Result, list[int]]:
+    """The same run, and how many rows were in each table whose codes a program was traced for."""
+    traced: list[int] = []
+    agent = result.experiment.agent
+
+    def embed(params: Any, table: Any) -> jax.Array:
+        traced.append(table.num_rows)
+        return agent.embed(params, table)
+
+    return replace(result, experiment=replace(result.experiment, agent=agent._replace(embed=embed))), traced
+
+
+@pytest.mark.slow
+def test_a_list_is_played_in_one_program_and_each_task_as_if_alone(run):
+    counted, traced = counting(run)
+    reports = counted.evaluate(tasks=TASKS, episodes=20)
+    assert list(reports) == TASKS
+    assert len(traced) == 3  # to see whether the network can read them, and for each policy
+    assert reports[TASK] == run.evaluate(episodes=20)  # the run's own, in a table without padding
+    rates = [reports[task]["sampled"].success_rate.value for task in TASKS]
+    assert len(set(rates)) == 3 and 0 < min(rates)
+
+
+@pytest.mark.parametrize(
+    ("tasks", "said"),
+    [
+        (["F Up", "F Sideways"], 'F Sideways: unknown proposition "Sideways"; known: Up, Down'),
+        (["F Up", "Up & !Up"], "Up & !Up can never be satisfied"),
+        (["F Up", "z9"], 'unknown task "z9"'),
+        ([], "the list of tasks is empty"),
+        ("F Up", "tasks is a list of names and formulas, got the text 'F Up'"),
+    ],
+)
+def test_a_list_with_a_mistake_says_which_task_it_is(run, tasks, said):
+    with pytest.raises(UserError) as error:
+        run.evaluate(tasks=tasks)
+    assert said in str(error.value)
+
+
+def test_one_task_or_a_list(run):
+    with pytest.raises(UserError, match="one task or a list"):
+        run.evaluate("F Up", tasks=["F Up"])
+
+
+def test_codes_by_place_are_refused():
+    run = Result(made(OneHotConfig(2)), {"final": None}, {}, 1)
+    for use in (lambda: run.evaluate(tasks=["F Up"]), lambda: Prompt(run)):
+        with pytest.raises(UserError, match=r"cannot read a new formula: it was trained on F\(Up & F Down\) .*OneHot"):
+            use()
+
+
+def test_rows_grow_with_what_is_asked_for(run):
+    shapes = [run.tables([text])[text].tokens.shape for text in ("F Up", "X " * 40 + "Up", "X " * 70 + "Up")]
+    assert shapes == [(32, 64), (64, 64), (128, 128)]
+
+
+def test_what_training_met():
+    config = Config(env=EnvConfig(), task=TASK, learner=PPO)
+    met = any_task.met_in_training(config, ProbeEnv(), ["F Down", "F Up", "F(Up & F Down)", "Up & X Down"])
+    assert {task: (str(one.exactly), str(one.renamed)) for task, one in met.items()} == {
+        "F Down": ("1/1", "1/1"),
+        "F Up": ("0/1", "1/1"),
+        "F(Up & F Down)": ("2/2", "2/2"),
+        "Up & X Down": ("0/2", "0/2"),
+    }
+    family = replace(config, task=Chains(depth=(1, 2), avoid=(0, 0)))
+    assert any_task.met_in_training(family, ProbeEnv(), ["F Up"])["F Up"].exactly.met == 1
+    held_out = replace(family, pool=replace(config.pool, held_out="F(Up & F Down)"))
+    assert any_task.met_in_training(held_out, ProbeEnv(), ["F Up"])["F Up"].renamed.unseen
+    machines = replace(config, task="rm_t1")
+    assert any_task.met_in_training(machines, ProbeEnv(), ["F Up"]) is None
+
+
+@pytest.fixture(scope="module")
+def fate() -> Callable[..., certificates.Certificates]:
+    """Certifies tasks in a world where every outcome has a known probability, of two seeds."""
+    env = FateEnv()
+    tables = {text: compile_tasks([text], env.propositions) for text in ("!Down U Up", "!Up U Down")}
+    config = Config(env=EnvConfig(), task="!Down U Up", learner=PPOConfig(), seeds="2", episode_length=4)
+    experiment = Experiment(config, env, tables["!Down U Up"], IDLE, None)
+
+    def certify(episodes: int, deterministic: bool = False) -> certificates.Certificates:
+        return certificates.certify(experiment, np.zeros(2), 1, tables, episodes, 4, deterministic)
+
+    return certify
+
+
+def test_certificates_hold(fate, monkeypatch):
+    monkeypatch.setattr(certificates, "BATCH", 700)  # 2,000 are two batches and most of a third
+    found = fate(2000)
+    one, other = found.by_task.values()
+    assert one.successes + one.violations + one.env_terminations + one.timeouts == 2000
+    assert (one.successes, one.violations) == (other.violations, other.successes)
+    assert one.success == exact_rate(one.successes, 2000, intervals=4)
+    for estimate, truth in ((one.success, SUCCESS), (one.violation, VIOLATION)):
+        assert estimate.low < truth < estimate.high and estimate.high - estimate.low < 0.07
+    assert abs(one.env_terminations / 2000 - BROKEN) < 0.03
+    monkeypatch.setattr(certificates, "BATCH", 2000)
+    assert fate(2000).by_task["!Down U Up"].successes != one.successes  # batches have random numbers of their own
+
+
+def test_repeats_of_one_episode_are_no_certificate(fate, monkeypatch):
+    monkeypatch.setattr(FateEnv, "fixed_start", True)
+    with pytest.raises(UserError, match="repeats one episode"):
+        fate(10, deterministic=True)
+
+
+@pytest.mark.slow
+def test_the_prompt_plays_without_compiling_again(run):
+    """And what it shows first is what the policy does."""
+    result, traced = counting(run)
+    prompt = Prompt(result, seed=8)
+    first = prompt.play("F Up")
+    assert first.is_new_shape and first.table.tokens.shape == (32, 64)
+    so_far = len(traced)
+    *_, played = [prompt.play(text) for text in TASKS]
+    assert len(traced) == so_far and not played.is_new_shape and 0 < played.compile_ms < played.action_ms
+    policy = run.policy(8, task=TASKS[-1])
+    np.testing.assert_allclose(played.action, policy(np.ones(3, np.float32), TASKS[-1]), atol=1e-5)
+    assert played.progress()[0] == (0, policy.table.text(int(policy.table.initial_row[0])))
+    assert len(played.recording.rows) <= 9
+
+
+@pytest.mark.parametrize(
+    ("encoder", "alone"), [(GRU, True), (JoinedConfig(LookaheadConfig(2), GRU), False), (LookaheadConfig(2), False)]
+)
+def test_codes_that_need_other_rows_are_known(encoder, alone):
+    experiment = made(encoder)
+    params = jax.eval_shape(experiment.agent.init, jax.random.key(0), experiment.task_env.make_params(0)).params
+    assert _reads_rows_alone(experiment.agent, params, experiment.table) == alone
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("F Up &", "ends after '&' at character 7; expected a proposition"),
+        ("F Upp", 'unknown proposition "Upp"; known: Up, Down; did you mean "Up"?'),
+        ("G Up", "not co-safe"),
+        ("true", "true from the start"),
+        ("phi_zon", 'did you mean "phi_zone"?'),
+        ("F Up)", "at character 5"),
+    ],
+)
+def test_a_mistake_at_the_prompt_is_one_line(run, text, said):
+    with pytest.raises(UserError) as error:
+        Prompt(run).play(text)
+    assert said in str(error.value) and "\n" not in str(error.value)
