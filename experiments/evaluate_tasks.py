@@ -99,4 +99,4 @@ def store_certificates(folder: RunFolder, settings: Mapping[str, Any], made: Map
 
 def _met(result: Result, tasks: Sequence[str]) -> dict[str, tuple[str, str]] | None:
     found = any_task.met_in_training(result.config, result.experiment.env, tasks)
-    return found and {task: (str(met.exactly), str(met.renamed)) for task, met in found.items()}
+    return None if found is None else {task: (str(met.exactly), str(met.renamed)) for task, met in found.items()}

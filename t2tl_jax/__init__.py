@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from t2tl_jax.runs.config import Config
     from t2tl_jax.runs.interrupts import Interrupted
     from t2tl_jax.runs.policy import Policy
+    from t2tl_jax.runs.prompt import Prompt
     from t2tl_jax.runs.result import Result
     from t2tl_jax.runs.train import evaluate, load, resume, train
     from t2tl_jax.task_env import TaskEnv
@@ -54,6 +55,7 @@ _HOME = {
     "OneHotConfig": "networks.task_encoders",
     "PPOConfig": "agents.ppo",
     "Policy": "runs.policy",
+    "Prompt": "runs.prompt",
     "QNetworkConfig": "networks.q_network",
     "Result": "runs.result",
     "Row": "runs.callbacks",
