@@ -129,12 +129,14 @@ def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any)
 
     if arguments.certify or tasks is None:
         one: Any = "best" if arguments.which == "best" else "final"
-        made = evaluate_tasks.certify(result, tasks, one, arguments.seed, arguments.policy, arguments.certify)
+        made = evaluate_tasks.certify(result, stored, tasks, one, arguments.seed, arguments.policy, arguments.certify)
         evaluate_tasks.store_certificates(folder, settings(one, arguments.certify), made)
         print(f"stored: {folder.certificates}")
         return
     chosen = evaluations.WHICH if arguments.which == "both" else (arguments.which,)
-    reports = evaluate_tasks.evaluate(result, tasks, chosen, arguments.episodes)
+    shown = settings(arguments.which, arguments.episodes) | {"task": f"{len(tasks)} of a list"}
+    print("  ".join(f"{name}: {value}" for name, value in shown.items()), flush=True)
+    reports = evaluate_tasks.evaluate(result, stored, tasks, chosen, arguments.episodes)
     if result.seeds != parse_seeds(stored.seeds):
         print(f"not stored: only seeds {', '.join(map(str, result.seeds))} of {stored.seeds} are kept with parameters")
         return

@@ -7,6 +7,7 @@ from typing import Any
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.task_report import tasks_table
 from t2tl_jax.runs import any_task, certificates, evaluations
+from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.evaluations import Which
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.result import Result
@@ -29,8 +30,17 @@ def listed(text: str) -> list[str]:
     return words
 
 
-def evaluate(result: Result, tasks: Sequence[str], which: Sequence[Which], episodes: int) -> dict[Which, Any]:
+def evaluate(
+    result: Result, trained: Config, tasks: Sequence[str], which: Sequence[Which], episodes: int
+) -> dict[Which, Any]:
     """Play every task with both policies of every seed, and print the table.
+
+    Args:
+        result: the run.
+        trained: the configuration that it was trained with.
+        tasks: names or formulas.
+        which: of the parameters.
+        episodes: per seed, policy and task.
 
     Returns:
         Reports by the name of the parameters, of the task and of the policy.
@@ -46,14 +56,20 @@ def evaluate(result: Result, tasks: Sequence[str], which: Sequence[Which], episo
         for name in which
         for policy in evaluations.POLICIES
     }
-    print(tasks_table(policies, _met(result, tasks)), flush=True)
+    print(tasks_table(policies, _met(result, trained, tasks)), flush=True)
     return reports
 
 
 def certify(
-    result: Result, tasks: Sequence[str] | None, which: Which, seed: int | None, policy: str, episodes: int
+    result: Result,
+    trained: Config,
+    tasks: Sequence[str] | None,
+    which: Which,
+    seed: int | None,
+    policy: str,
+    episodes: int,
 ) -> dict[str, Any]:
-    """Bound how often one seed's policy carries out each task, by default the run's own, and print the table.
+    """Bound how often one seed's policy carries out each task, by default the one of `result`, and print the table.
 
     Returns:
         The same for the record.
@@ -74,7 +90,7 @@ def certify(
         evaluations.POLICIES[policy],
     )
     print(f"seed: {result.seeds[index]}  policy: {which} {policy}")
-    print(certificates.table(found, _met(result, list(tables))), flush=True)
+    print(certificates.table(found, _met(result, trained, list(tables))), flush=True)
     return {"seed": result.seeds[index], "policy": policy} | found.as_json()
 
 
@@ -97,6 +113,6 @@ def store_certificates(folder: RunFolder, settings: Mapping[str, Any], made: Map
         raise UserError(f"cannot write {folder.certificates}: {error.strerror or error}") from error
 
 
-def _met(result: Result, tasks: Sequence[str]) -> dict[str, tuple[str, str]] | None:
-    found = any_task.met_in_training(result.config, result.experiment.env, tasks)
+def _met(result: Result, trained: Config, tasks: Sequence[str]) -> dict[str, tuple[str, str]] | None:
+    found = any_task.met_in_training(trained, result.experiment.env, tasks)
     return None if found is None else {task: (str(met.exactly), str(met.renamed)) for task, met in found.items()}

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments import play
+from experiments import evaluate_tasks, play
+from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.animation import Recording
 from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.prompt import Played
 from t2tl_jax.view import Scene, View
 
@@ -37,6 +39,21 @@ def test_every_line_is_played(finished_run, typed, capsys):
     assert typed(finished_run, ["F Red &", "F Rde", "F Red"]) == 2
     out, err = capsys.readouterr()
     assert out.count("first action in") == 1 and err.count("error: ") == 2 and 'did you mean "Red"' in err
+
+
+def test_a_terminal_is_asked_until_its_end(monkeypatch, capsys):
+    answers = iter(["F Red", "", " # no formula", "F White "])
+
+    def answer(question):
+        assert question == "formula> "
+        try:
+            return next(answers)
+        except StopIteration:
+            raise EOFError from None
+
+    monkeypatch.setattr("builtins.input", answer)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    assert list(play._lines()) == ["F Red", "F White"]
 
 
 @pytest.mark.parametrize(
@@ -80,12 +97,31 @@ def test_a_list_of_tasks_is_a_table(finished, evaluate_run, read_json, tmp_path,
     assert [entry["settings"]["task"] for entry in entries] == tasks
     assert entries[0]["policies"]["sampled"]["seeds"][0]["success_rate"]["count"] == 8
 
-    for _ in range(2):  # the second takes the first one's place
-        assert evaluate_run(finished, "--tasks", ",".join(tasks), "--certify", "50") == 0
+    assert evaluate_run(finished, "--tasks", ",".join(tasks), "--certify", "50") == 0
     assert "All 4 hold at once with 95% (Bonferroni, each 98.750%)" in capsys.readouterr().out
     (made,) = read_json(finished / "certificates.json")["certificates"]
     assert list(made["by_task"]) == tasks and made["by_task"]["phi_safe"]["success"]["count"] == 50
     assert made["policy"] == "sampled" and made["episodes"] == 50 and "task" not in made["settings"]
+
+
+@pytest.mark.slow
+def test_a_task_that_is_given_was_not_trained_on(finished, evaluate_run, capsys):
+    flags = ["--task", "F White", "--certify", "9", "--policy", "deterministic"]
+    assert evaluate_run(finished, *flags) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("F White ")]
+    assert line.split()[2:4] == ["0/1", "0/1"]  # of the `!Black U Red` in the configuration
+
+
+def test_certificates_replace_equal_ones(finished, read_json):
+    folder, made = RunFolder(finished), {"seed": 0, "policy": "sampled", "by_task": {"F Red": 1}}
+    for seed, value in ((0, 1), (0, 2), (3, 1)):
+        entry = made | {"seed": seed, "by_task": {"F Red": value}}
+        evaluate_tasks.store_certificates(folder, {"task": "x", "episodes": 5}, entry)
+    kept = read_json(folder.certificates)["certificates"]
+    assert [(one["seed"], one["by_task"]["F Red"]) for one in kept] == [(0, 2), (3, 1)]
+    folder.certificates.write_text("[]", encoding="utf-8")
+    with pytest.raises(UserError, match="should hold a JSON object"):
+        evaluate_tasks.store_certificates(folder, {}, made)
 
 
 @pytest.mark.parametrize(
