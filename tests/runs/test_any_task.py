@@ -16,6 +16,7 @@ from t2tl_jax.ltl.tokens import FIRST_PROPOSITION
 from t2tl_jax.networks.joined import JoinedConfig
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.runs import any_task, certificates
 from t2tl_jax.runs.experiment import Experiment, build
 from t2tl_jax.runs.prompt import Prompt, _reads_rows_alone
@@ -112,6 +113,15 @@ def test_codes_by_place_are_refused():
 def test_rows_grow_with_what_is_asked_for(run):
     shapes = [run.tables([text])[text].tokens.shape for text in ("F Up", "X " * 40 + "Up", "X " * 70 + "Up")]
     assert shapes == [(32, 64), (64, 64), (128, 128)]
+
+
+def test_padding_that_is_read_is_as_much_as_in_training():
+    experiment = made(TransformerConfig(layers=1, width=8, heads=1, feed_forward=8, output=4, masked=False))
+    own = experiment.table.tokens.shape[-1]
+    (table,) = any_task.compile_each(experiment, ["F Up"]).values()
+    assert table.tokens.shape == (32, own)
+    with pytest.raises(UserError, match=f"the table has room for 32 rows of {own}"):
+        any_task.compile_each(experiment, ["F Up", "F(Up & F(Down & F Up))"])
 
 
 def test_what_training_met():
