@@ -15,6 +15,7 @@ from experiments import attention
 from experiments.reproduction.locks import claimed, device_names
 from experiments.reproduction.plan import Run, Scale, cost
 from t2tl_jax.errors import UserError
+from t2tl_jax.registry import make_env
 from t2tl_jax.runs import config_files, evaluations, train
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
 from t2tl_jax.runs.folder import RunFolder, read_json
@@ -88,6 +89,8 @@ def is_done(run: Run, scale: Scale, folder: Path) -> bool:
         return trained
     if files.config.is_file():
         config, wanted = config_files.load(files.config), scale.apply(run)
+        if not make_env(config.env).renewable:
+            config = replace(config, map_period=wanted.map_period)  # which then counts for nothing
         own = [field.name for field in fields(wanted) if field.name not in ("pretrained", "run")]  # these name folders
         if any(getattr(config, name) != getattr(wanted, name) for name in own):
             raise UserError(f"{folder} holds a run of other settings or seeds; move it away, or take another --folder")

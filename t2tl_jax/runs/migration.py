@@ -4,7 +4,8 @@ from typing import Any
 
 VERSION = 3
 """Of the stored configuration. The first one had no number, a network beside the learner, and one field a learner. The
-second one had no `selection`, and its training state held the best parameters."""
+second one had no `selection`, and its training state held the best parameters. Early ones of the third have no
+`map_period`."""
 
 RENAMED = {
     "ppo": {"rollout_steps": "unroll_length", "clip": "clip_eps"},
@@ -24,7 +25,8 @@ def migrated(data: Any) -> Any:
     version = data.pop("version", 1)
     if version not in range(1, VERSION + 1):
         raise ValueError(f"the configuration was stored by a newer version of t2tl_jax (format {version})")
-    return _with_reader(_from_first(data) if version == 1 else data)
+    # Before there was the field, every run kept its first maps; one that is resumed still does.
+    return {"map_period": 0, **_with_reader(_from_first(data) if version == 1 else data)}
 
 
 def _with_reader(data: Any, path: tuple[str, ...] = ("learner", "network", "context")) -> Any:

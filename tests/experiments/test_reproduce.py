@@ -400,6 +400,12 @@ def test_a_folder_with_other_seeds_is_no_run_of_these(runs, tmp_path):
         work.is_done(run, scale, tmp_path / "rm-crm")
 
 
+def test_a_run_without_random_maps_is_found_again_whatever_its_period_of_maps(runs, tmp_path):
+    run, scale = runs["rm-crm"], Scale("smoke", "2")
+    run_folder.create(tmp_path / "run", dataclasses.replace(scale.apply(run), map_period=0), {})
+    assert not work.is_done(run, scale, tmp_path / "run")  # not trained, but the same
+
+
 def test_a_frozen_encoder_is_found_again_whatever_its_pretraining_is_called(runs, tmp_path):
     run, scale = runs["water-t1tl"], Scale("smoke", "2")
     run_folder.create(tmp_path / "run", dataclasses.replace(scale.apply(run), pretrained=str(tmp_path)), {})

@@ -18,7 +18,7 @@ from t2tl_jax import registry
 from t2tl_jax.errors import UserError
 from t2tl_jax.flags import _fields
 from t2tl_jax.ltl import compile_tasks
-from t2tl_jax.runs.config import Task
+from t2tl_jax.runs.config import Config, Task
 from t2tl_jax.task_env import TaskEnv
 
 ROOT = Path(__file__).parents[2]
@@ -174,6 +174,19 @@ def test_fields_that_are_named_exist(page, corridor):
     known |= {flag.rpartition(".")[0] for flag in known}
     wild = re.findall(r"--(?:learner|env|run|pool|convergence)\.[a-z][\w.-]*\w", text_of(page))
     assert not {flag for flag in wild if flag not in known}
+
+
+def test_the_table_of_fields_is_that_of_the_configuration():
+    table = text_of(ROOT / "docs" / "python.md").split("## Fields of Config")[1].split("\n## ")[0]
+    rows = {name: default.strip("` ") for name, default in re.findall(r"^\| `(\w+)` \|([^|]*)\|", table, re.M)}
+    fields = {field.name: field for field in dataclasses.fields(Config)}
+    assert sorted(rows) == sorted(fields)
+    for name, shown in rows.items():
+        if fields[name].default is dataclasses.MISSING:
+            made = fields[name].default_factory
+            assert shown == ("" if made is dataclasses.MISSING else f"{made.__name__}()"), name
+        else:
+            assert ast.literal_eval(shown.replace(",", "")) == fields[name].default, name
 
 
 def test_the_checks_see_the_commands():

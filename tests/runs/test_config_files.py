@@ -115,6 +115,14 @@ def test_a_run_from_before_segments_goes_on_with_single_steps():
     assert config.learner.network.context == ContextConfig(length=8, aligned=False, segment_length=1)
 
 
+def test_a_run_from_before_new_maps_keeps_its_maps():
+    data = json.loads(config_files.to_json(ZONE))
+    assert config_files.from_json(json.dumps(data | {"map_period": 5}), "config.json").map_period == 5
+    del data["map_period"]
+    for stored in (data, data | {"version": 2}, first_format()):
+        assert config_files.from_json(json.dumps(stored), "config.json").map_period == 0
+
+
 def test_dqn_of_the_first_format():
     network = {"kind": "q_network", "task_encoder": "one_hot", "one_hot_size": 20, "head": "bilinear"}
     learner = {"steps_per_iteration": 7, "simultaneous": False, "num_envs": 3}
