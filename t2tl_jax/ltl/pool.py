@@ -45,8 +45,9 @@ def compile_pool(
     Every proposition has its letter, used or not, so that tables of equal arguments but for the seed have equal shapes.
     Rows that are left over repeat the row of false, see `padding.blank`.
 
-    Formulas that do not fit are drawn again: those with a progressed formula of more than `length` tokens, and those
-    with more states than there are rows left. The caps therefore shorten the tail of a family.
+    Formulas that do not fit are drawn again: those with a progressed formula of more than `length` tokens, those with
+    more states than there are rows left, and those that are too entangled to be compared with what is held out. The
+    caps therefore shorten the tail of a family.
 
     Args:
         family: such as `Until_1_2_1_1`, see `make_sampler`; or one that is data.
@@ -81,8 +82,9 @@ def compile_pool(
     raise TooLargeError(
         f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {DRAWS_PER_TASK * size} draws: '
         f"{builder.too_long} had a row of more than {length} tokens, {builder.too_many} too many states for the "
-        f"{rows} rows together, {builder.repeated} came twice, {builder.kept_out} belong to another pool; raise the "
-        "caps on tokens and rows, or ask for fewer formulas"
+        f"{rows} rows together, {builder.repeated} came twice, {builder.kept_out} belong to another pool, "
+        f"{builder.entangled} have too many propositions that play the same part to be compared with what is held out; "
+        "raise the caps on tokens and rows, or ask for fewer formulas"
     )
 
 
@@ -107,7 +109,8 @@ class _Builder:
         self.row_of: dict[tuple[int, ...], int] = {}
         self.used = 2
         self.initial_row: list[int] = []
-        self.too_long = self.too_many = self.repeated = self.kept_out = 0
+        self.too_long = self.too_many = self.repeated = self.kept_out = self.entangled = 0
+        self.renamed: dict[Language, Language] = {}
 
     def add(self, formula: Formula) -> None:
         """Take in a formula, or count why not."""
@@ -124,9 +127,15 @@ class _Builder:
             self.too_long += 1
         elif len(fresh) > self.rows - self.used:
             self.too_many += 1
-        elif self._is_kept_out(automaton, start):
-            self.kept_out += 1
         else:
+            try:
+                kept_out = self._is_kept_out(automaton, start)
+            except TooLargeError:
+                self.entangled += 1
+                return
+            if kept_out:
+                self.kept_out += 1
+                return
             self._take(automaton, fresh)
             self.initial_row.append(self.row_of[automaton.tokens[start]])
 
@@ -136,11 +145,14 @@ class _Builder:
         next_row = automaton.next_row[:, every_letter(automaton.letter_weights, self.alphabet)]
         open_rows = range(2, len(automaton.tokens))
         found = languages(next_row, automaton.verdict, open_rows)
-        if self.held_out:
-            renamed = renaming.classes(next_row, automaton.verdict, open_rows, self.alphabet)
-            if not self.held_out.isdisjoint(renamed):
-                return True
-        return found[start - 2] in self.unlike or not self.without.isdisjoint(found)
+        if found[start - 2] in self.unlike or not self.without.isdisjoint(found):
+            return True
+        if not self.held_out:
+            return False
+        new = {language: row for language, row in zip(found, open_rows, strict=True) if language not in self.renamed}
+        renamed = renaming.classes(next_row, automaton.verdict, new.values(), self.alphabet)
+        self.renamed.update(zip(new, renamed, strict=True))
+        return not self.held_out.isdisjoint(self.renamed[language] for language in found)
 
     def _take(self, automaton: Automaton, fresh: list[int]) -> None:
         for row in fresh:

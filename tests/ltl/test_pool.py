@@ -8,11 +8,14 @@ import pytest
 from t2tl_jax.ltl import (
     WATER_PROPOSITIONS,
     ZONE_PROPOSITIONS,
+    Listed,
     TooLargeError,
     UnknownTaskError,
     compile_pool,
     compile_tasks,
     is_family,
+    renaming,
+    row_languages,
 )
 
 CAPS = {"size": 8, "rows": 128, "length": 40}
@@ -79,6 +82,17 @@ def test_caps_that_are_too_small_are_explained():
         pool(rows=12)
     with pytest.raises(TooLargeError, match="came twice"):
         pool(family="Sequence_1_1")  # there are only four
+
+
+def test_a_formula_that_cannot_be_compared_with_what_is_held_out_is_drawn_again(monkeypatch):
+    held_out = frozenset(row_languages(["!a U b"], tuple("abcd")))
+    monkeypatch.setattr(renaming, "MAX_ORDERS", 1)
+    entangled = "(F a & F b) | (F c & F d)"
+    chosen = {"propositions": tuple("abcd"), "held_out": held_out, "size": 3}
+    table = pool(family=Listed((entangled, "!d U c", "F a & F c")), least=1, **chosen)
+    assert [str(table.formula(row)) for row in table.initial_row.tolist()] == ["F a & F c"]
+    with pytest.raises(TooLargeError, match=r"0 belong to another pool, 150 have too many propositions that play"):
+        pool(family=Listed((entangled,)), **chosen)
 
 
 @pytest.mark.parametrize(
