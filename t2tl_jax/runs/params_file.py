@@ -1,9 +1,13 @@
 """Parameters of some seeds of a run in one small file, for a run that is kept without its checkpoints.
 
-The file is NumPy's compressed `.npz`, read without pickle: arrays by name, such as ``final/params/actor_0/kernel``.
+The file is NumPy's compressed `.npz`, read without pickle: arrays by name, such as ``final/params/actor_0/kernel``. A
+small file can say that it holds arrays of any size, so names, shapes and dtypes are compared before an array is read.
 """
 
-from collections.abc import Mapping, Sequence
+import math
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +21,15 @@ from t2tl_jax.training.types import Params
 
 SEEDS, ITERATION = "seeds", "iteration"
 """Names of the two arrays that are no parameters: int64[seeds], and int64[]."""
+
+MAX_ARRAYS = 10_000
+"""Most arrays of a file."""
+
+MAX_SEEDS = 10_000
+"""Most seeds of a file, which is the most that a run may count."""
+
+Kinds = dict[str, jax.ShapeDtypeStruct]
+"""Shapes and dtypes of arrays by name."""
 
 
 def stands_in(folder: RunFolder) -> bool:
@@ -45,10 +58,11 @@ def seeds(path: Path) -> tuple[int, ...]:
     Raises:
         CheckpointError: if it cannot be read or does not say.
     """
-    given = _arrays(path).get(SEEDS, np.zeros(0))
-    if given.ndim != 1 or not given.size or given.dtype != np.int64:
-        raise CheckpointError(f"{path} does not say of which seeds it holds parameters")
-    return tuple(given.tolist())
+    with _opened(path) as (archive, there):
+        given = there.get(SEEDS)
+        if given is None or given.dtype != np.int64 or len(given.shape) != 1 or not 1 <= given.shape[0] <= MAX_SEEDS:
+            raise CheckpointError(f"{path} does not say of which seeds it holds parameters, {MAX_SEEDS:,} at most")
+        return tuple(_array(archive, SEEDS).tolist())
 
 
 def read(path: Path, like: Params) -> tuple[int, dict[Which, Params]]:
@@ -61,23 +75,24 @@ def read(path: Path, like: Params) -> tuple[int, dict[Which, Params]]:
     Raises:
         CheckpointError: if it cannot be read, or its arrays differ from ``like``.
     """
-    arrays = _arrays(path)
     want = _by_name(dict.fromkeys(WHICH, like))
-    wrong = [f"{name}: not expected" for name in arrays if name not in (*want, SEEDS, ITERATION)]
-    for name, leaf in want.items():
-        got = arrays.get(name)
-        if got is None or got.shape != leaf.shape or got.dtype != leaf.dtype:
-            there = "nothing" if got is None else f"{got.dtype}{list(got.shape)}"
-            wrong.append(f"{name}: {there} in the file, {leaf.dtype}{list(leaf.shape)} expected")
-    iteration = arrays.get(ITERATION, np.zeros(1))
-    if iteration.shape != () or iteration.dtype != np.int64:
-        wrong.append(f"{ITERATION}: a whole number expected")
-    if wrong:
-        raise CheckpointError(f"{path} belongs to another configuration or version:\n  " + "\n  ".join(wrong[:5]))
-    tree = jax.tree.structure(like)
-    return int(iteration), {
-        which: jax.tree.unflatten(tree, [arrays[name] for name in _by_name({which: like})]) for which in WHICH
-    }
+    with _opened(path) as (archive, there):
+        wrong = [f"{name}: not expected" for name in there if name not in (*want, SEEDS, ITERATION)]
+        for name, leaf in want.items():
+            got = there.get(name)
+            if got is None or got.shape != leaf.shape or got.dtype != leaf.dtype:
+                found = "nothing" if got is None else f"{got.dtype}{list(got.shape)}"
+                wrong.append(f"{name}: {found} in the file, {leaf.dtype}{list(leaf.shape)} expected")
+        iteration = there.get(ITERATION)
+        if iteration is None or iteration.shape != () or iteration.dtype != np.int64:
+            wrong.append(f"{ITERATION}: a whole number expected")
+        if wrong:
+            raise CheckpointError(f"{path} belongs to another configuration or version:\n  " + "\n  ".join(wrong[:5]))
+        tree = jax.tree.structure(like)
+        return int(_array(archive, ITERATION)), {
+            which: jax.tree.unflatten(tree, [_array(archive, name) for name in _by_name({which: like})])
+            for which in WHICH
+        }
 
 
 def _by_name(tree: Any) -> dict[str, Any]:
@@ -86,9 +101,40 @@ def _by_name(tree: Any) -> dict[str, Any]:
     return {jax.tree_util.keystr(path, simple=True, separator="/"): leaf for path, leaf in leaves}
 
 
-def _arrays(path: Path) -> dict[str, np.ndarray]:
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[zipfile.ZipFile, Kinds]]:
+    """The archive, and what its arrays say of themselves; what cannot be read is a `CheckpointError`."""
     try:
-        with np.load(path) as file:  # which refuses what only pickle could read
-            return {name: file[name] for name in file.files}
+        with zipfile.ZipFile(path) as archive:
+            yield archive, _kinds(archive)
+    except CheckpointError:
+        raise
     except Exception as error:  # NumPy and zipfile raise many kinds for files that are damaged or something else
         raise CheckpointError(f"cannot read {path}: {error}\nIt is damaged, or no such file of parameters.") from error
+
+
+def _kinds(archive: zipfile.ZipFile) -> Kinds:
+    members = archive.infolist()
+    if len(members) > MAX_ARRAYS:
+        raise ValueError(f"it holds {len(members):,} arrays; the limit is {MAX_ARRAYS:,} (params_file.MAX_ARRAYS)")
+    found: Kinds = {}
+    for member in members:
+        name = member.filename.removesuffix(".npy")
+        if name in found:
+            raise ValueError(f"it holds {name} twice")
+        with archive.open(member) as file:
+            version = np.lib.format.read_magic(file)
+            if version != (1, 0):  # whose headers are short; NumPy writes later ones for records of many fields only
+                raise ValueError(f"{name} is in version {version} of NumPy's format, expected (1, 0)")
+            shape, _, dtype = np.lib.format.read_array_header_1_0(file)
+            if dtype.hasobject:
+                raise ValueError(f"{name} holds objects, which only pickle could read")
+            if member.file_size != (size := file.tell() + math.prod(shape) * dtype.itemsize):
+                raise ValueError(f"{name} has {member.file_size:,} bytes, and its header says {size:,}")
+        found[name] = jax.ShapeDtypeStruct(shape, dtype)
+    return found
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    with archive.open(f"{name}.npy") as file:
+        return np.lib.format.read_array(file, allow_pickle=False)

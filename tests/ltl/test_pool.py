@@ -88,11 +88,11 @@ def test_a_formula_that_cannot_be_compared_with_what_is_held_out_is_drawn_again(
     held_out = frozenset(row_languages(["!a U b"], tuple("abcd")))
     monkeypatch.setattr(renaming, "MAX_ORDERS", 1)
     entangled = "(F a & F b) | (F c & F d)"
-    chosen = {"propositions": tuple("abcd"), "held_out": held_out, "size": 3}
-    table = pool(family=Listed((entangled, "!d U c", "F a & F c")), least=1, **chosen)
+    chosen = {"propositions": tuple("abcd"), "held_out": held_out}
+    table = pool(family=Listed((entangled, "!d U c", "F a & F c")), least=1, size=2, **chosen)
     assert [str(table.formula(row)) for row in table.initial_row.tolist()] == ["F a & F c"]
-    with pytest.raises(TooLargeError, match=r"0 belong to another pool, 150 have too many propositions that play"):
-        pool(family=Listed((entangled,)), **chosen)
+    with pytest.raises(TooLargeError, match=r"0 belong to another pool, 50 have too many propositions that play"):
+        pool(family=Listed((entangled,)), size=1, **chosen)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """A run that is kept with the parameters of some seeds instead of its checkpoints."""
 
 import shutil
+import tracemalloc
+import zipfile
 from pathlib import Path
 
 import jax
@@ -84,7 +86,7 @@ def first(arrays):
         (lambda file: file.write_text("no archive"), "cannot read"),
         (lambda file: file.write_bytes(file.read_bytes()[:200]), "cannot read"),
         (lambda file: np.save(file.open("wb"), np.zeros(3)), "cannot read"),
-        (with_other(lambda arrays: arrays.update(seeds=np.array([{}], object))), "Object arrays cannot be loaded"),
+        (with_other(lambda arrays: arrays.update(seeds=np.array([{}], object))), "seeds holds objects"),
         (with_other(lambda arrays: arrays.pop("seeds")), "does not say of which seeds"),
         (with_other(lambda arrays: arrays.update(seeds=np.array([1.0]))), "does not say of which seeds"),
         (
@@ -105,3 +107,52 @@ def test_a_file_that_does_not_fit_is_refused(kept, damage, said):
     damage(kept[0] / "params.npz")
     with pytest.raises(UserError, match=said):
         load(kept[0])
+
+
+@pytest.fixture
+def small(tmp_path):
+    """A file of one seed with two numbers of either kind, and the shapes to read it with."""
+    params = {"kernel": np.zeros((1, 2), "f4")}
+    params_file.write(tmp_path / "params.npz", {"final": params, "best": params}, [3], 5)
+    return tmp_path / "params.npz", params
+
+
+@pytest.mark.parametrize("name", ["seeds", "final/kernel", "more"])
+def test_a_small_file_that_expands_is_not_read(small, name):
+    file, like = small
+    with np.load(file) as content:
+        arrays = dict(content)
+    np.savez_compressed(file, **arrays | {name: np.zeros(2**22, np.int64)})
+    assert file.stat().st_size < 2**16
+    tracemalloc.start()
+    with pytest.raises(params_file.CheckpointError, match=f"{name}: |of which seeds"):
+        params_file.seeds(file) if name == "seeds" else params_file.read(file, like)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2**22, "of 2^25 bytes"
+
+
+def npy(shape, version=(1, 0)):
+    """A file of NumPy's format that holds nothing but what it says of itself."""
+    said = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}}}\n".encode()
+    return b"\x93NUMPY" + bytes(version) + len(said).to_bytes(2 if version == (1, 0) else 4, "little") + said
+
+
+@pytest.mark.parametrize(
+    ("members", "said"),
+    [
+        ({"final/kernel.npy": npy("(1, 2)")}, "final/kernel has .* bytes, and its header says"),
+        ({"final/kernel.npy": npy("(1099511627776,)")}, "bytes, and its header says"),
+        ({"a.npy": npy("(0,)", (2, 0))}, r"a is in version \(2, 0\)"),
+        ({"a.npy": npy("(0,)"), "a": npy("(0,)")}, "holds a twice"),
+        ({str(number): b"" for number in range(11)}, "it holds 11 arrays; the limit is 10"),
+    ],
+)
+def test_what_a_file_says_of_itself_is_checked(small, members, said, monkeypatch):
+    monkeypatch.setattr(params_file, "MAX_ARRAYS", 10)
+    file, like = small
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    with pytest.raises(params_file.CheckpointError, match=said):
+        params_file.read(file, like)
