@@ -38,9 +38,15 @@ class Stage:
             raise LTLError(f'over is "mean" or "least", got {self.over!r}')
         checks.not_negative(self, "temperature")
 
-    def is_mastered(self, success: Mapping[str, float]) -> bool:
-        """Whether the rule is met by success rates by task, of the tasks that ended lately; not without any."""
-        if not success:
+    def is_mastered(self, success: Mapping[str, float], tasks: Sequence[str] = ()) -> bool:
+        """Whether the rule is met by success rates by task, of the tasks that ended lately; not without any.
+
+        Args:
+            success: by task.
+            tasks: all that are drawn, where they can be listed. The worst of them is one that never ended, if there is
+                one; the mean is over those that ended.
+        """
+        if not success or (self.over == "least" and not success.keys() >= set(tasks)):
             return False
         rates = success.values()
         return (min(rates) if self.over == "least" else sum(rates) / len(success)) >= self.advance
@@ -51,9 +57,14 @@ class Stage:
         A task that never ended counts as one that always fails.
         """
         if not self.temperature:
-            return [1 / len(tasks)] * len(tasks)
-        failing = [math.exp(-success.get(task, 0.0) / self.temperature) for task in tasks]
-        return [weight / sum(failing) for weight in failing]
+            return [1 / len(tasks) for _ in tasks]
+        rates = [success.get(task, 0.0) for task in tasks]
+        worst = min(
+            rates, default=0.0
+        )  # its weight is 1 before the division, so that they are not all too small for a float
+        failing = [math.exp((worst - rate) / self.temperature) for rate in rates]
+        total = sum(failing)
+        return [weight / total for weight in failing]
 
 
 @dataclass(frozen=True)
@@ -67,12 +78,13 @@ class Curriculum:
         if not self.stages:
             raise LTLError("a curriculum needs at least one stage")
 
-    def next_stage(self, stage: int, success: Mapping[str, float]) -> int:
+    def next_stage(self, stage: int, success: Mapping[str, float], tasks: Sequence[str] = ()) -> int:
         """The stage after `stage`, or `stage` itself while it is not mastered or is the last.
 
         Args:
             stage: the present one, from 0.
             success: by task, the success rate of those of its tasks that ended lately; each task counts once.
+            tasks: all tasks of the stage, where they can be listed: see `Stage.is_mastered`.
 
         Raises:
             LTLError: for a stage that does not exist.
@@ -80,7 +92,7 @@ class Curriculum:
         if not 0 <= stage < len(self.stages):
             raise LTLError(f"there is no stage {stage}: the curriculum has stages 0 to {len(self.stages) - 1}")
         last = len(self.stages) - 1
-        return stage + (stage < last and self.stages[stage].is_mastered(success))
+        return stage + (stage < last and self.stages[stage].is_mastered(success, tasks))
 
 
 ONE, NONE = (1, 1), (0, 0)

@@ -24,6 +24,30 @@ from t2tl_jax.registry import register_task_family
 Range = tuple[int, int]
 """The least and the most of something."""
 
+MAX_DEPTH = 50
+"""Most pairs of a chain."""
+
+MAX_SET = 50
+"""Most propositions of a set to reach or to avoid."""
+
+MAX_COUNT = 50
+"""Most parts of a conjunction or disjunction."""
+
+MAX_LISTED = 10_000
+"""Most tasks of a list."""
+
+MAX_MIXED = 100
+"""Most families of a mixture."""
+
+MAX_NESTING = 8
+"""Most families of which one holds the next."""
+
+MAX_FAMILIES = 1000
+"""Most families of a tree."""
+
+MAX_PAIRS = 1000
+"""Most pairs that the chains of one task may have together."""
+
 _DRAWS = 1000
 """How often a chain is drawn whose sets leave nothing to avoid, before the ranges count as impossible."""
 
@@ -55,7 +79,7 @@ class Chains(TaskFamily):
     """Whether a set to reach may share propositions with the one before."""
 
     def __post_init__(self) -> None:
-        _check_ranges(self, depth=1, reach=1, avoid=0)
+        _check_ranges(self, depth=(1, MAX_DEPTH), reach=(1, MAX_SET), avoid=(0, MAX_SET))
 
     def least(self) -> int:
         """As many propositions as the smallest sets of two neighbours need."""
@@ -109,7 +133,8 @@ class _Several(TaskFamily):
     """Parts, each drawn by itself."""
 
     def __post_init__(self) -> None:
-        _check_ranges(self, count=1)
+        _check_ranges(self, count=(1, MAX_COUNT))
+        _check_tree(self)
 
     def least(self) -> int:
         """As many propositions as a part needs."""
@@ -121,12 +146,16 @@ class _Several(TaskFamily):
 
     def every(self, names: Sequence[str]) -> Iterator[Formula] | None:
         """Every choice of different parts, in one order; None if the parts can only be drawn."""
-        parts = self.of.every(names)
-        if parts is None:
-            return None
-        known = list(parts)
-        counts = range(self.count[0], self.count[1] + 1)
-        return (self._joined(chosen) for count in counts for chosen in combinations(known, count))
+        return None if self.of.every(names) is None else self._every(names)
+
+    def _every(self, names: Sequence[str]) -> Iterator[Formula]:
+        for count in range(self.count[0], self.count[1] + 1):
+            before: list[Formula] = []  # no longer than what was asked for, however many parts there are
+            for part in self.of.every(names) or ():
+                for others in combinations(before, count - 1):
+                    yield self._joined((*others, part))
+                if count > 1:
+                    before.append(part)
 
     def _joined(self, parts: Sequence[Formula]) -> Formula:
         raise NotImplementedError
@@ -174,6 +203,7 @@ class Listed(TaskFamily):
     def __post_init__(self) -> None:
         if not self.tasks:
             raise LTLError("a list of tasks needs at least one, such as 'F a'")
+        _check_most("a list of tasks", len(self.tasks), "MAX_LISTED", MAX_LISTED)
 
     def least(self) -> int:
         """Nothing by itself: the formulas say which propositions they need."""
@@ -200,10 +230,12 @@ class Mixture(TaskFamily):
     def __post_init__(self) -> None:
         if not self.parts:
             raise LTLError("a mixture needs at least one family")
+        _check_most("the families of a mixture", len(self.parts), "MAX_MIXED", MAX_MIXED)
         if self.weights and (len(self.weights) != len(self.parts) or not all(w > 0 for w in self.weights)):
             raise LTLError(
                 f"a mixture of {len(self.parts)} families needs as many weights, each above 0, got {self.weights}"
             )
+        _check_tree(self)
 
     def least(self) -> int:
         """As many propositions as any of the families needs."""
@@ -240,11 +272,47 @@ def _subsets(names: Sequence[str], sizes: Range) -> Iterator[frozenset[str]]:
     return (frozenset(chosen) for size in range(sizes[0], sizes[1] + 1) for chosen in combinations(names, size))
 
 
-def _check_ranges(family: TaskFamily, **least: int) -> None:
-    for name, lowest in least.items():
+def _check_ranges(family: TaskFamily, **bounds: Range) -> None:
+    for name, (lowest, highest) in bounds.items():
         low, high = getattr(family, name)
         if not lowest <= low <= high:
             raise LTLError(f"{name} is a range of at least {lowest}, the smaller number first, got {low} to {high}")
+        if high > highest:
+            raise LTLError(f"{name} is a range up to {highest} at most, got {low} to {high}")
+
+
+def _check_most(what: str, number: int, name: str, limit: int) -> None:
+    if number > limit:
+        raise LTLError(f"{what}: {number:,}; the limit is {limit:,} (family_trees.{name})")
+
+
+def _check_tree(family: TaskFamily) -> None:
+    """The limits on a whole tree; those inside it were checked before, so no tree that is walked through is large."""
+    _check_most("families inside each other", _nesting(family), "MAX_NESTING", MAX_NESTING)
+    _check_most("families of a tree", _families(family), "MAX_FAMILIES", MAX_FAMILIES)
+    _check_most("pairs of reach and avoid sets in one task", _pairs(family), "MAX_PAIRS", MAX_PAIRS)
+
+
+def _inside(family: TaskFamily) -> tuple[TaskFamily, ...]:
+    if isinstance(family, Mixture):
+        return family.parts
+    return (family.of,) if isinstance(family, _Several) else ()
+
+
+def _nesting(family: TaskFamily) -> int:
+    return 1 + max(map(_nesting, _inside(family)), default=0)
+
+
+def _families(family: TaskFamily) -> int:
+    return 1 + sum(map(_families, _inside(family)))
+
+
+def _pairs(family: TaskFamily) -> int:
+    """The most pairs of reach and avoid sets that a task can have; other tasks count as one."""
+    if isinstance(family, Chains):
+        return family.depth[1]
+    most = max(map(_pairs, _inside(family)), default=1)
+    return most * family.count[1] if isinstance(family, _Several) else most
 
 
 for _name, _kind in {"chains": Chains, "conjunction": Conjunction, "disjunction": Disjunction}.items():

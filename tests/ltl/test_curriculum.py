@@ -33,6 +33,20 @@ def test_tasks_that_fail_are_drawn_more_often():
     assert Stage().weights(["F a", "F b"], {"F a": 1.0}) == [0.5, 0.5]
 
 
+def test_a_task_that_never_ended_is_not_mastered():
+    success, tasks = {"F a": 1.0, "F b": 0.9}, ["F a", "F b", "F c"]
+    assert TWO.next_stage(0, success, tasks) == 0 and TWO.next_stage(0, success | {"F c": 0.8}, tasks) == 1
+    assert TWO.next_stage(1, success, tasks) == 2, "the mean is over those that ended"
+    assert TWO.next_stage(0, success, tasks[:2]) == 1
+
+
+@pytest.mark.parametrize("temperature", [1e-300, 1e-4])
+def test_a_small_temperature_draws_the_worst_alone(temperature):
+    weights = Stage(temperature=temperature).weights(["F a", "F b", "F c"], {"F a": 0.9, "F b": 0.5, "F c": 0.5})
+    assert weights == [0.0, 0.5, 0.5]
+    assert Stage(temperature=temperature).weights([], {}) == []
+
+
 def test_deepltl_has_seven_stages_and_lists_the_first_four():
     names = ("Blue", "Green", "Magenta", "Yellow")
     counts = [len(list(stage.family.every(names))) for stage in DEEPLTL_ZONES.stages[:4]]

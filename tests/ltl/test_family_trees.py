@@ -1,7 +1,9 @@
 """Families that are data: how many tasks they have, that draws are among them, and what is refused."""
 
 import random
+import tracemalloc
 from collections import Counter
+from functools import reduce
 
 import pytest
 
@@ -23,6 +25,7 @@ from t2tl_jax.ltl import (
     named_families,
     parse,
     sample,
+    tasks_of,
 )
 
 COLOURS = ("Blue", "Green", "Magenta", "Yellow")
@@ -72,6 +75,17 @@ def test_what_is_drawn_is_a_task_of_the_family_and_all_of_them_are_drawn(family)
         in_order = {frozenset(str(part) for part in parse(task).args) for task in tasks}
         found = {frozenset(str(part) for part in parse(task).args) for task in drawn}
         assert in_order <= found and all(len(parts) == 1 or parts in in_order for parts in found)
+
+
+def test_a_family_of_far_too_many_tasks_is_drawn_from_without_listing_its_parts():
+    """There are millions of chains, and trillions of pairs of them."""
+    family, names = Conjunction(Chains((1, 3), (1, 2), (0, 2))), tuple("abcdefgh")
+    tracemalloc.start()
+    tasks = tasks_of(family, names, draws=100)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 90 < len(tasks) <= 100 and peak < 2**22
+    assert tasks[0] == sample(family, names, 0)
 
 
 def test_texts_of_chains():
@@ -141,6 +155,18 @@ def test_pools_of_data_are_those_of_their_fields():
         (lambda: Mixture(()), "at least one family"),
         (lambda: Mixture((SMALL,), (1.0, 2.0)), "a mixture of 1 families needs as many weights, each above 0"),
         (lambda: Listed(()), "at least one"),
+        (lambda: Chains(depth=(1, 51)), "depth is a range up to 50 at most, got 1 to 51"),
+        (lambda: Chains(reach=(1, 51)), "reach is a range up to 50"),
+        (lambda: Chains(avoid=(0, 10**9)), "avoid is a range up to 50"),
+        (lambda: Conjunction(count=(2, 51)), "count is a range up to 50"),
+        (
+            lambda: Listed(("F a",) * 10_001),
+            r"a list of tasks: 10,001; the limit is 10,000 \(family_trees.MAX_LISTED\)",
+        ),
+        (lambda: Mixture((SMALL,) * 101), "families of a mixture: 101; the limit is 100"),
+        (lambda: reduce(lambda inner, _: Mixture((inner,)), range(8), SMALL), "inside each other: 9; the limit is 8"),
+        (lambda: reduce(lambda inner, _: Mixture((inner,) * 20), range(3), SMALL), "families of a tree: 8,421"),
+        (lambda: Disjunction(Conjunction(Chains((1, 2)), (1, 25)), (1, 21)), "in one task: 1,050; the limit is 1,000"),
         (lambda: make_sampler(Chains(avoid=(3, 3), reach=(2, 2)), COLOURS), "needs at least 5 propositions, got 4"),
         (lambda: Chains((2, 2), ONE, (3, 3), repeat=False).draw(random.Random(0), COLOURS), "make the sets smaller"),
     ],
