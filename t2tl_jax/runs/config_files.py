@@ -89,6 +89,13 @@ def from_json(text: str, source: str) -> Config:
             NotRegistered for a kind that is not known.
     """
     try:
+        return _structured(text, source)
+    except RecursionError as error:  # of the reader of JSON, of cattrs, or of what puts its errors into words
+        raise UserError(f"{source} is nested more deeply than any configuration") from error
+
+
+def _structured(text: str, source: str) -> Config:
+    try:
         data = json.loads(text)
     except ValueError as error:
         raise UserError(f"{source} is not valid JSON: {error}") from error

@@ -139,6 +139,8 @@ def read_json(path: Path) -> dict[str, Any]:
         return {}
     except (OSError, ValueError) as error:
         raise UserError(f"cannot read {path}: {error}") from error
+    except RecursionError as error:
+        raise UserError(f"cannot read {path}: it is nested too deeply") from error
     if not isinstance(content, dict):
         raise UserError(f"{path} should hold a JSON object")
     return content

@@ -17,6 +17,7 @@ from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import configs, named_config
 from t2tl_jax.runs import config_files
+from t2tl_jax.runs.folder import read_json
 from t2tl_jax.single_state import SingleStateConfig
 
 ZONE = named_config("zone_ppo")
@@ -193,3 +194,17 @@ def test_files_of_other_versions_are_refused(change, said):
 def test_other_json_is_refused(text):
     with pytest.raises(UserError, match=r"config\.json does not fit this version"):
         config_files.from_json(text, "config.json")
+
+
+@pytest.mark.parametrize("depth", [250, 600, 100_000])
+def test_json_that_is_nested_too_deeply_is_refused(depth):
+    data = json.loads(config_files.to_json(ZONE)) | {"task": "PLACE"}
+    nested = '{"kind": "mixture", "parts": [' * depth + '{"kind": "chains"}' + "]}" * depth
+    with pytest.raises(UserError, match=r"config\.json (does not fit|is nested more deeply)"):
+        config_files.from_json(json.dumps(data).replace('"PLACE"', nested), "config.json")
+
+
+def test_a_file_of_a_run_that_is_nested_too_deeply_is_refused(tmp_path):
+    (tmp_path / "status.json").write_text("[" * 100_000)
+    with pytest.raises(UserError, match=r"cannot read .*status\.json: it is nested too deeply"):
+        read_json(tmp_path / "status.json")
