@@ -70,7 +70,8 @@ class LabelledEnv(Env):
             renewal: from 1; before the first one, training has ``make_params(seed)``.
 
         Returns:
-            What `make_params` returns for training, with other maps. None of them is one of evaluation or selection.
+            What `make_params` returns for training, with other maps. They are drawn apart from those of evaluation and
+            selection; where few maps exist, some may come in both.
 
         Raises:
             NotImplementedError: where nothing is renewable.

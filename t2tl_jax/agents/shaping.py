@@ -22,7 +22,8 @@ def potential(table: TaskTable, discount: float | jax.Array) -> jax.Array:
 
     Args:
         table: of formulas, or of reward machines with what they pay.
-        discount: gamma, below 1.
+        discount: gamma, `0 <= gamma < 1`. It may be traced, so it is not checked here: at 1 iteration would stop after
+            its first step, with wrong values. `DQNConfig` refuses 1 where rewards are shaped.
     """
     rows, letters = jnp.meshgrid(jnp.arange(table.num_rows), jnp.arange(table.num_letters), indexing="ij")
     following, reward = table.step(rows, letters)

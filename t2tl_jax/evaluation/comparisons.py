@@ -162,6 +162,6 @@ def compare(
         if paired:
             a, b = ({seed: each[seed] for seed in both} for each in (a, b))
         found[first, second] = difference(list(a.values()), list(b.values()), paired, level)
-    missing = [1.0] * (count - len(known))  # the mildest that can be assumed of them
+    missing = [1.0] * (count - len(known))  # p = 1 of them is the strictest for those that are known
     corrected = holm([*(each.pvalue for each in found.values()), *missing])[: len(known)]
     return {names: replace(each, pvalue=float(p)) for (names, each), p in zip(found.items(), corrected, strict=True)}
