@@ -19,6 +19,7 @@ from envs.zones.point_mjx import MjxPoint
 from envs.zones.point_robot import EDGE, WALL, PointPhysics, PointState
 from envs.zones.view import make_view
 from t2tl_jax.env import Alphabet, LabelledEnv, Purpose, State
+from t2tl_jax.objects import Objects
 from t2tl_jax.view import View
 
 FAILURE_REWARD = -10.0
@@ -77,6 +78,7 @@ class ZoneEnv(LabelledEnv):
         self._label_groups = tuple(_positions(colours, letter) for letter in present)
         self._lidar_groups = tuple(_positions(colours, letter) for letter in sorted(present))
         self._sensed, self._parts = _arrangement(tuple(layouts.COLOURS[letter] for letter in sorted(present)), config)
+        self._lidar_colours = tuple(present.index(letter) for letter in sorted(present))
         self.make_params(0)  # discs that do not fit are refused here
 
     def make_params(self, seed: int, purpose: Purpose = "training") -> ZoneParams:
@@ -130,6 +132,11 @@ class ZoneEnv(LabelledEnv):
         in the open arena ``edge``. In their order.
         """
         return dict(self._parts)
+
+    @property
+    def objects(self) -> Objects:
+        """The colours, each as its lidar shows it."""
+        return Objects(first=12, size=sensors.LIDAR_BINS, proposition=self._lidar_colours)
 
     @property
     def action_size(self) -> int:
