@@ -56,27 +56,40 @@ class ObjectsConfig(StateEncoderConfig):
 
     def check(self, objects: Objects | None, reader: TaskEncoderConfig) -> None:
         """There have to be objects, and of roles the code has to speak."""
-        if objects is None:
-            raise ValueError(
-                "network.state=objects needs an environment that says which numbers of its observation are objects "
-                "(LabelledEnv.objects), and this one does not; use network.state=flat"
-            )
+        check_objects("network.state=objects", objects)
         if self.identity == "role":
-            room = reader.propositions_told
-            if room is None:
-                raise ValueError(
-                    "network.state.identity=role needs a code that speaks of each proposition by itself, got one of "
-                    f"{type(reader).__name__}; use network.task_encoder=lookahead, or identity=proposition"
-                )
-            if max(objects.proposition) >= room:
-                raise ValueError(
-                    f"the code tells of {room} propositions, and objects stand for {max(objects.proposition) + 1}; set "
-                    f"task_encoder.propositions to {max(objects.proposition) + 1} or more"
-                )
+            check_roles("network.state.identity=role", objects, reader)
 
     def left_of(self, task: jax.Array, reader: TaskEncoderConfig) -> jax.Array:
         """All of the code; where objects have roles, what it says of no proposition in particular."""
         return task if self.identity == "proposition" else reader.by_proposition(task)[1]
+
+
+def check_objects(who: str, objects: Objects | None) -> Objects:
+    """The objects; ValueError if `who` needs some and the environment describes none."""
+    if objects is None:
+        raise ValueError(
+            f"{who} needs an environment that says which numbers of its observation are objects "
+            "(LabelledEnv.objects), and this one does not; use network.state=flat"
+        )
+    return objects
+
+
+def check_roles(who: str, objects: Objects | None, reader: TaskEncoderConfig) -> Objects:
+    """The objects; ValueError unless the code says of each of them what it is to the task."""
+    objects, room = check_objects(who, objects), reader.propositions_told
+    if room is None:
+        raise ValueError(
+            f"{who} needs a code that speaks of each proposition by itself, got one of {type(reader).__name__}; use "
+            "network.task_encoder=lookahead or roles, alone or in one that is joined"
+        )
+    most = max(objects.proposition) + 1
+    if most > room:
+        raise ValueError(
+            f"the code tells of {room} propositions, and objects stand for {most}; set task_encoder.propositions to "
+            f"{most} or more"
+        )
+    return objects
 
 
 def object_features(obs: jax.Array, objects: Objects, place_scale: float) -> tuple[jax.Array, jax.Array]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import jax
 from flax import linen as nn
 
+from t2tl_jax.networks.merged import MergedConfig, MergedEncoder
 from t2tl_jax.networks.objects import ObjectsConfig, ObjectsEncoder
 from t2tl_jax.networks.state_encoder import Squash, StateEncoderConfig
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
@@ -57,3 +58,4 @@ def check_context(context: object, state: StateEncoderConfig) -> None:
 
 register_state_encoder("flat", FlatConfig, lambda config, objects, reader, squash: Flat(squash))
 register_state_encoder("objects", ObjectsConfig, ObjectsEncoder)
+register_state_encoder("merged", MergedConfig, MergedEncoder)

@@ -208,7 +208,7 @@ def test_flat_is_the_default_and_adds_nothing(water):
         (lambda: make_state_encoder(ObjectsConfig(), None, LOOK), r"LabelledEnv.objects.*use network.state=flat"),
         (
             lambda: make_state_encoder(ObjectsConfig(identity="role"), balls(3, 1), OneHotConfig(4)),
-            "got one of OneHotConfig; use network.task_encoder=lookahead",
+            "got one of OneHotConfig; use network.task_encoder=lookahead or roles",
         ),
         (
             lambda: make_state_encoder(ObjectsConfig(identity="role"), balls(7, 1), LOOK),
