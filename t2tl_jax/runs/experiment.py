@@ -12,6 +12,7 @@ from t2tl_jax.env import EnvParams, LabelledEnv, Purpose
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.registry import AGENTS, ENVS
+from t2tl_jax.renaming import Renamed
 from t2tl_jax.runs.compilation import Compilation
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import Pools, make_pools, make_table
@@ -164,7 +165,8 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
         env = ENVS.maker(config.env)(config.env) if env is None else env
         pools = make_pools(config, env)
         table = make_table(config, env) if pools is None else pools.evaluation
-        training_env = TaskEnv(env, table, config.random_starts, config.labels)
+        world = Renamed(env) if config.renaming else env
+        training_env = TaskEnv(world, table, config.random_starts, config.labels)
         make = AGENTS.maker(config.learner)
         agent = make_given(make, training_env, config.learner, config.episode_length, config.iterations)
         if pools is not None and agent.restart is None:

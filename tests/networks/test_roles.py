@@ -62,7 +62,7 @@ def test_more_colours_give_as_many_features():
 def test_what_cannot_be_merged_is_refused():
     with pytest.raises(ValueError, match=r"places cannot be merged.*place=2\); use network.state=objects with"):
         MergedConfig().check(Objects(first=0, size=4, proposition=(0,), place=2), CONFIG)
-    with pytest.raises(ValueError, match="network.state=merged needs an environment that says"):
+    with pytest.raises(ValueError, match=r"network\.state=merged needs an environment that says"):
         MergedConfig().check(None, CONFIG)
     table = compile_tasks("F Blue", COLOURS, "at_most_one")
     with pytest.raises(ValueError, match=r"room for 3 propositions .* the 4 .* task_encoder.propositions to 4 or more"):

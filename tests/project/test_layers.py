@@ -35,6 +35,7 @@ MAY_IMPORT = {
     "t2tl_jax.env": {"t2tl_jax.view", "t2tl_jax.objects"},
     "t2tl_jax.task_env": {"t2tl_jax.env", "t2tl_jax.ltl", "t2tl_jax.objects"},
     "t2tl_jax.wrappers": {"t2tl_jax.env", "t2tl_jax.task_env"},
+    "t2tl_jax.renaming": {"t2tl_jax.env", "t2tl_jax.objects"},
     # The world of pre-training, which is a part of the method.
     "t2tl_jax.single_state": {"t2tl_jax.env"},
     "t2tl_jax.networks": {"t2tl_jax.ltl", "t2tl_jax.objects"},
@@ -46,7 +47,8 @@ MAY_IMPORT = {
     "t2tl_jax.evaluation.attention": LEARNING | {"t2tl_jax.evaluation", "t2tl_jax.networks"},
     "t2tl_jax.runs": LEARNING
     | INTERFACE
-    | {"t2tl_jax.agents", "t2tl_jax.evaluation", "t2tl_jax.networks.state_encoder", "t2tl_jax.single_state"},
+    | {"t2tl_jax.agents", "t2tl_jax.evaluation", "t2tl_jax.networks.state_encoder"}
+    | {"t2tl_jax.renaming", "t2tl_jax.single_state"},
     # The one configuration of the library itself, with a network of its own.
     "t2tl_jax.runs.pretraining_schedule": {
         *("t2tl_jax.runs.config", "t2tl_jax.runs.convergence", "t2tl_jax.single_state"),
