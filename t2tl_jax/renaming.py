@@ -47,10 +47,9 @@ class Renamed(LabelledEnv):
                 f"{', '.join(map(str, of_each))} for the {count} of this environment; use renaming=False"
             )
         self.env = env
-        self._proposition = np.array(objects.proposition)
-        # By proposition its objects, and by object its number among those of its proposition.
-        self._members = np.argsort(self._proposition, kind="stable").reshape(count, -1)
-        self._rank = np.array([int((self._proposition[:i] == p).sum()) for i, p in enumerate(self._proposition)])
+        # By proposition the numbers of its objects, in their order.
+        by_proposition = np.argsort(objects.proposition, kind="stable")
+        self._numbers = np.array(objects.numbers)[by_proposition].reshape(count, -1)
         self._described = objects
 
     def make_params(self, seed: int, purpose: Purpose = "training") -> EnvParams:
@@ -77,13 +76,17 @@ class Renamed(LabelledEnv):
         return state.replace(pipeline_state=state.pipeline_state.env)
 
     def _shown(self, state: State, order: jax.Array) -> State:
-        objects = self._described
-        each = state.obs[objects.first : objects.end].reshape(objects.count, objects.size)
-        each = each[jnp.asarray(self._members)[order[self._proposition], self._rank]].reshape(-1)
-        return state.replace(
-            pipeline_state=RenamedState(env=state.pipeline_state, order=order),
-            obs=jnp.concatenate([state.obs[: objects.first], each, state.obs[objects.end :]]),
-        )
+        shown = state.obs.at[self._numbers].set(state.obs[self._numbers][order])
+        return state.replace(pipeline_state=RenamedState(env=state.pipeline_state, order=order), obs=shown)
+
+    @property
+    def renewable(self) -> bool:
+        """Whether the environment's maps are."""
+        return self.env.renewable
+
+    def renewed_params(self, seed: int, renewal: int) -> EnvParams:
+        """Those of the environment."""
+        return self.env.renewed_params(seed, renewal)
 
     @property
     def objects(self) -> Objects:

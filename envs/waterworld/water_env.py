@@ -157,7 +157,7 @@ class WaterWorld(LabelledEnv):
         """The balls: two numbers say where each is, seen from the agent, and two how it moves."""
         colours = range(len(self.config.colours))
         which = tuple(colour for colour in colours for _ in range(self.config.balls_per_colour))
-        return Objects(first=4, size=4, proposition=which, place=2)
+        return Objects.blocks(range(4, 4 + 4 * self.num_balls, 4), 4, which, place=2)
 
     @property
     def action_size(self) -> int:

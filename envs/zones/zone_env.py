@@ -78,7 +78,6 @@ class ZoneEnv(LabelledEnv):
         self._label_groups = tuple(_positions(colours, letter) for letter in present)
         self._lidar_groups = tuple(_positions(colours, letter) for letter in sorted(present))
         self._sensed, self._parts = _arrangement(tuple(layouts.COLOURS[letter] for letter in sorted(present)), config)
-        self._lidar_colours = tuple(present.index(letter) for letter in sorted(present))
         self.make_params(0)  # discs that do not fit are refused here
 
     def make_params(self, seed: int, purpose: Purpose = "training") -> ZoneParams:
@@ -136,7 +135,8 @@ class ZoneEnv(LabelledEnv):
     @property
     def objects(self) -> Objects:
         """The colours, each as its lidar shows it."""
-        return Objects(first=12, size=sensors.LIDAR_BINS, proposition=self._lidar_colours)
+        starts = [self._parts[colour].start for colour in self._propositions]
+        return Objects.blocks(starts, sensors.LIDAR_BINS, range(len(starts)))
 
     @property
     def action_size(self) -> int:

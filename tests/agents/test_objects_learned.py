@@ -43,7 +43,8 @@ class Sides(LabelledEnv):
     def __init__(self, *propositions: str) -> None:
         self.propositions = propositions
         self.observation_size = len(propositions)
-        self.objects = Objects(first=0, size=1, proposition=tuple(range(len(propositions))), place=1)
+        each = range(len(propositions))
+        self.objects = Objects.blocks(each, 1, each, place=1)
 
     def reset(self, rng: jax.Array, params=None) -> State:
         side = jnp.where(jax.random.bernoulli(rng), 1.0, -1.0)

@@ -73,16 +73,19 @@ def test_under_their_own_names_nothing_changes(water, played):
 
 
 def test_lidars_are_renamed_in_their_own_order():
-    """The lidars of ZoneEnv stand in another order than its propositions."""
-    env = ZoneEnv(ZoneConfig(physics="closed_form"))
+    """The lidars of ZoneEnv stand in another order than its propositions, in the open arena not side by side."""
+    env = ZoneEnv(ZoneConfig(physics="closed_form", arena="open", layout="random", pool_size=2))
     renamed = Renamed(env)
     state = jax.jit(env.reset)(jax.random.key(0))
     order = jnp.array([2, 0, 3, 1])
     shown = renamed._shown(state, order).obs
-    place = {p: 12 + 16 * i for i, p in enumerate(env.objects.proposition)}
+    part, rest = env.observation_parts, np.ones(env.observation_size, bool)
     for name, before in enumerate(order.tolist()):
-        start = place[before]
-        np.testing.assert_array_equal(shown[place[name] :][:16], state.obs[start : start + 16])
+        now, then = part[env.propositions[name]], part[env.propositions[before]]
+        np.testing.assert_array_equal(shown[now], state.obs[then])
+        rest[now] = False
+    assert rest.sum() == 16
+    np.testing.assert_array_equal(shown[rest], state.obs[rest])
 
 
 def test_a_run_renames_in_training_only():
@@ -103,6 +106,6 @@ def test_what_cannot_be_renamed_is_refused(monkeypatch):
     with pytest.raises(ValueError, match=r"LabelledEnv\.objects.*use renaming=False"):
         Renamed(SingleState())
     env = WaterWorld(WaterWorldConfig(colours=COLOURS))
-    monkeypatch.setattr(WaterWorld, "objects", Objects(first=4, size=4, proposition=(0, 0, 1, 2, 3)))
+    monkeypatch.setattr(WaterWorld, "objects", Objects.blocks(range(4, 24, 4), 4, (0, 0, 1, 2, 3)))
     with pytest.raises(ValueError, match="got 2, 1, 1, 1 for the 4 of this environment"):
         Renamed(env)

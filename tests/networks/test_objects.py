@@ -34,21 +34,22 @@ every_kind = pytest.mark.parametrize("kind", EACH)
 
 
 def balls(colours: int, of_each: int) -> Objects:
-    return Objects(first=3, size=4, proposition=tuple(c for c in range(colours) for _ in range(of_each)), place=2)
+    which = tuple(c for c in range(colours) for _ in range(of_each))
+    return Objects.blocks(range(3, 3 + 4 * len(which), 4), 4, which, place=2)
 
 
 def given(objects: Objects) -> tuple[np.ndarray, np.ndarray]:
     """Observations, the last number of which is the agent's own, and codes of tasks."""
     rng = np.random.default_rng(0)
-    obs = rng.normal(size=(40, objects.end + 1)).astype(np.float32)
+    obs = rng.normal(size=(40, objects.numbers[-1][-1] + 2)).astype(np.float32)
     return obs, rng.integers(0, 2, (40, LOOK.code_size)).astype(np.float32)
 
 
 def reordered(obs: np.ndarray, objects: Objects, order: list[int]) -> np.ndarray:
     """The same observation with its objects in another order."""
-    each = obs[..., objects.first : objects.end].reshape(*obs.shape[:-1], objects.count, objects.size)
-    each = each[..., order, :].reshape(*obs.shape[:-1], -1)
-    return np.concatenate([obs[..., : objects.first], each, obs[..., objects.end :]], axis=-1)
+    numbers, other = np.array(objects.numbers), obs.copy()
+    other[..., numbers] = obs[..., numbers[order]]
+    return other
 
 
 def renamed(code: np.ndarray, order: list[int]) -> np.ndarray:
@@ -214,8 +215,11 @@ def test_flat_is_the_default_and_adds_nothing(water):
             lambda: make_state_encoder(ObjectsConfig(identity="role"), balls(7, 1), LOOK),
             "tells of 6 propositions, and objects stand for 7; set task_encoder.propositions to 7 or more",
         ),
-        (lambda: Objects(first=0, size=2, proposition=(0,), place=3), "got first=0, size=2, place=3 and 1 objects"),
-        (lambda: Objects(first=0, size=2, proposition=(0, -1)), "counted from 0, got -1"),
+        (lambda: Objects(((0, 1),), (0,), place=3), "got sizes 2 and place=3"),
+        (lambda: Objects(((0, 1), (2,)), (0, 1)), "got sizes 1, 2 and place=0"),
+        (lambda: Objects(((0, 1), (1, 2)), (0, 1)), "one object at most"),
+        (lambda: Objects(((0, 1),), (-1,)), r"counted from 0, got numbers=.* and proposition=\(-1,\)"),
+        (lambda: Objects(((0, 1),), (0, 1)), "got 1 objects and 2 propositions"),
     ],
 )
 def test_what_does_not_fit_is_refused(make, said):

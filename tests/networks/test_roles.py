@@ -15,7 +15,7 @@ from t2tl_jax.objects import Objects
 COLOURS = ("Blue", "Green", "Magenta", "Yellow")
 TASKS = ("!Blue U (Green & (!Magenta U Yellow))", "F Green & F(Blue | Yellow)")
 CONFIG = RolesConfig(propositions=5)
-LIDARS = Objects(first=1, size=3, proposition=(2, 0, 1, 3))
+LIDARS = Objects.blocks((1, 4, 7, 10), 3, (2, 0, 1, 3))
 
 
 def test_roles_are_what_progression_makes_of_a_row():
@@ -43,7 +43,7 @@ def test_merged_lidars_know_no_names():
     order = [1, 3, 0, 2]  # colour k is called order[k], in the task and in the lidars
     renamed = np.zeros_like(role)
     renamed[order] = role[:4]
-    other = Objects(first=1, size=3, proposition=tuple(order[p] for p in LIDARS.proposition))
+    other = Objects(LIDARS.numbers, tuple(order[p] for p in LIDARS.proposition))
     again = make_state_encoder(MergedConfig(), other, CONFIG).apply({}, obs, jnp.asarray(renamed.reshape(-1)))
     np.testing.assert_array_equal(again, merged)
     assert MergedConfig().left_of(jnp.zeros((2, CONFIG.code_size)), CONFIG).shape == (2, 0)
@@ -53,7 +53,7 @@ def test_more_colours_give_as_many_features():
     sizes = set()
     for colours in (2, 4, 8):
         reader = LookaheadConfig(propositions=8, steps=2)
-        objects = Objects(first=1, size=3, proposition=tuple(range(colours)))
+        objects = Objects.blocks(range(1, 1 + 3 * colours, 3), 3, range(colours))
         encoder = make_state_encoder(MergedConfig(), objects, reader)
         sizes.add(encoder.apply({}, jnp.zeros(2 + 3 * colours), jnp.zeros(reader.code_size)).shape)
     assert sizes == {(2 + 4 * 3,)}
@@ -61,7 +61,7 @@ def test_more_colours_give_as_many_features():
 
 def test_what_cannot_be_merged_is_refused():
     with pytest.raises(ValueError, match=r"places cannot be merged.*place=2\); use network.state=objects with"):
-        MergedConfig().check(Objects(first=0, size=4, proposition=(0,), place=2), CONFIG)
+        MergedConfig().check(Objects.blocks([0], 4, [0], place=2), CONFIG)
     with pytest.raises(ValueError, match=r"network\.state=merged needs an environment that says"):
         MergedConfig().check(None, CONFIG)
     table = compile_tasks("F Blue", COLOURS, "at_most_one")
