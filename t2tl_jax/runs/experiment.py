@@ -146,6 +146,22 @@ class Experiment:
         """The same learner and environment with another task, to evaluate on."""
         return replace(self, table=table)
 
+    def elsewhere(self, env: LabelledEnv, table: TaskTable) -> "Experiment":
+        """The same learner in another environment, to evaluate in.
+
+        Where its observation describes other objects, the learner is made anew for them.
+
+        Raises:
+            UserError: if it cannot read them.
+        """
+        there = replace(self, env=env, table=table)
+        if env.objects == self.env.objects:
+            return there
+        with explained():
+            make = AGENTS.maker(self.config.learner)
+            agent = make(there.task_env, self.config.learner, self.config.episode_length, self.config.iterations)
+        return replace(there, agent=agent)
+
     def row_texts(self) -> Sequence[str]:
         """What every row of the task table says, for pictures."""
         return tuple(self.table.text(row) for row in range(self.table.num_rows))
