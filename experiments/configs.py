@@ -7,13 +7,16 @@ from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.ltl import Chains
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.lookahead import LookaheadConfig
+from t2tl_jax.networks.objects import ObjectsConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import register_config
-from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.config import Config, PoolConfig
 from t2tl_jax.runs.pretraining_published import as_published
 from t2tl_jax.runs.pretraining_schedule import SCHEDULE
 from t2tl_jax.single_state import SingleStateConfig
@@ -251,4 +254,30 @@ register_config(
         ),
     ),
     "the same over WaterWorld's colours, with its size of the encoded task",
+)
+
+# One pool that stays: a new one would cut every episode short. A random start may be any sub-task of the pool.
+register_config(
+    "water_any",
+    Config(
+        env=WaterWorldConfig(layout="random"),
+        task=Chains(depth=(1, 3)),
+        pool=PoolConfig(size=256, rows=1024, period=1_000_000),
+        random_starts=0.5,
+        learner=PPOConfig(
+            network=NetworkConfig(
+                task_encoder=LookaheadConfig(), state=ObjectsConfig(), env_layers=(), observation="raw"
+            ),
+            num_envs=4096,
+            unroll_length=64,
+            minibatch_size=16_384,
+            discount=0.99,
+            gae_lambda=0.95,
+            entropy_coefficient=0.01,
+            anneal_learning_rate=True,
+        ),
+        frames=150_000_000,
+        episode_length=waterworld.EPISODE_LENGTH,
+    ),
+    "random chains on random maps of WaterWorld by PPO: a network over balls, the look-ahead as the task's code",
 )

@@ -9,7 +9,7 @@ from typing import Any
 
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
-from t2tl_jax.errors import UserError
+from t2tl_jax.errors import UserError, explained
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
@@ -71,12 +71,13 @@ def apply(config: Config, name: str) -> Config:
     if method.context and not isinstance(config.env, SingleStateConfig):
         context = network.context or ContextConfig(length=WINDOW[type(learner)])
     learned = method.task_encoder.learned
-    network = replace(
-        network,
-        task_encoder=_encoder(method, network),
-        freeze_task_encoder=network.freeze_task_encoder and learned,
-        context=context,
-    )
+    with explained():  # a network over objects takes no context
+        network = replace(
+            network,
+            task_encoder=_encoder(method, network),
+            freeze_task_encoder=network.freeze_task_encoder and learned,
+            context=context,
+        )
     learner, pretrained = replace(learner, network=network), config.pretrained if learned else ""
     if isinstance(learner, DQNConfig):
         learner = replace(learner, counterfactual=method.counterfactual)

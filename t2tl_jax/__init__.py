@@ -17,16 +17,20 @@ if TYPE_CHECKING:
     from t2tl_jax.ltl import Formula, TaskTable, compile_tasks, parse, progress, register_family, sample
     from t2tl_jax.networks.actor_critic import NetworkConfig
     from t2tl_jax.networks.context import ContextConfig
+    from t2tl_jax.networks.objects import ObjectsConfig
     from t2tl_jax.networks.q_network import QNetworkConfig
+    from t2tl_jax.networks.state_encoder import StateEncoderConfig
     from t2tl_jax.networks.task_encoder import TaskEncoderConfig
     from t2tl_jax.networks.task_encoders import OneHotConfig
     from t2tl_jax.networks.transformer import TransformerConfig
+    from t2tl_jax.objects import Objects
     from t2tl_jax.registry import (
         make_env,
         register_agent,
         register_config,
         register_context_reader,
         register_env,
+        register_state_encoder,
         register_task_encoder,
     )
     from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
@@ -52,6 +56,8 @@ _HOME = {
     "LabelledEnv": "env",
     "LearnerConfig": "training.types",
     "NetworkConfig": "networks.actor_critic",
+    "Objects": "objects",
+    "ObjectsConfig": "networks.objects",
     "OneHotConfig": "networks.task_encoders",
     "PPOConfig": "agents.ppo",
     "Policy": "runs.policy",
@@ -59,6 +65,7 @@ _HOME = {
     "QNetworkConfig": "networks.q_network",
     "Result": "runs.result",
     "Row": "runs.callbacks",
+    "StateEncoderConfig": "networks.state_encoder",
     "TaskEncoderConfig": "networks.task_encoder",
     "TaskEnv": "task_env",
     "TaskInObservation": "wrappers",
@@ -78,6 +85,7 @@ _HOME = {
     "register_config": "registry",
     "register_env": "registry",
     "register_family": "ltl",
+    "register_state_encoder": "registry",
     "register_task_encoder": "registry",
     "register_context_reader": "registry",
     "resume": "runs.train",

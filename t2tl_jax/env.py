@@ -15,6 +15,7 @@ from typing import Any, Literal
 import jax
 from brax.envs.base import Env, State
 
+from t2tl_jax.objects import Objects
 from t2tl_jax.view import View
 
 __all__ = ["Alphabet", "EnvConfig", "EnvParams", "LabelledEnv", "Purpose", "State"]
@@ -112,6 +113,11 @@ class LabelledEnv(Env):
     @abc.abstractmethod
     def num_actions(self) -> int | None:
         """Number of discrete actions, or ``None`` when actions are ``float[action_size]`` in [-1, 1]."""
+
+    @property
+    def objects(self) -> Objects | None:
+        """Which numbers of the observation describe which object, for networks over objects; None if none do."""
+        return None
 
     def view(self) -> View | None:
         """How the environment looks from above, for animations; None where there is nothing to see."""

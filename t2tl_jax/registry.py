@@ -108,6 +108,7 @@ class Registry(Generic[T]):
 ENVS: Registry = Registry("environment", "register_env")
 TASK_ENCODERS: Registry = Registry("task encoder", "register_task_encoder")
 TASK_FAMILIES: Registry = Registry("task sampler", "register_task_family")
+STATE_ENCODERS: Registry = Registry("state encoder", "register_state_encoder")
 CONTEXT_READERS: Registry = Registry("context reader", "register_context_reader")
 AGENTS: Registry = Registry("learner", "register_agent")
 
@@ -159,6 +160,24 @@ def register_task_family(name: str, config: type) -> None:
         ValueError: if the name or the class is taken.
     """
     TASK_FAMILIES.register(name, config, lambda family: family)
+
+
+def register_state_encoder(name: str, config: type, make: Callable[..., Any]) -> None:
+    """Register a state encoder: ``make(config, objects, reader, squash)`` gives a Flax module.
+
+    Its call takes observations [..., O] and codes of tasks [..., dim], and gives features [..., D]. `objects` is what
+    the environment says about its observation or None, `reader` the task encoder's configuration, and `squash` what the
+    network does to the numbers of observations, one by one.
+
+    Args:
+        name: what stored configurations and ``--learner.network.state NAME`` call it.
+        config: a frozen dataclass derived from `StateEncoderConfig`.
+        make: from an instance of it and these to the module.
+
+    Raises:
+        ValueError: if the name or the class is taken.
+    """
+    STATE_ENCODERS.register(name, config, make)
 
 
 def register_context_reader(name: str, config: type, make: Callable[..., Any]) -> None:

@@ -17,6 +17,7 @@ from flax import struct
 
 from t2tl_jax.env import EnvParams, LabelledEnv, Purpose
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.objects import Objects
 
 Labels = Literal["next", "state"]
 """Which state's labels a step reads: those of s', or those of s as the paper prints."""
@@ -158,6 +159,11 @@ class TaskEnv(Env):
     def observation_size(self) -> int:
         """Size of the environment's observation (the row is not part of it; see `TaskInObservation`)."""
         return self.env.observation_size
+
+    @property
+    def objects(self) -> Objects | None:
+        """What the environment says about its observation; see `LabelledEnv.objects`."""
+        return self.env.objects
 
     @property
     def action_size(self) -> int:

@@ -16,6 +16,7 @@ from envs.letterworld.config import LetterWorldConfig
 from envs.letterworld.view import make_view
 from envs.streams import stream
 from t2tl_jax.env import Alphabet, LabelledEnv, Purpose, State
+from t2tl_jax.objects import Objects
 from t2tl_jax.view import View
 
 MOVES = ((-1, 0), (1, 0), (0, -1), (0, 1))
@@ -96,6 +97,15 @@ class LetterWorld(LabelledEnv):
     def observation_size(self) -> int:
         """637 as published: 7 x 7 cells, and for each the 12 letters and the agent."""
         return self.config.size**2 * (len(self.config.letters) + 1)
+
+    @property
+    def objects(self) -> Objects:
+        """The letters, each by the cells that hold it."""
+        letters = len(self.config.letters)
+        cells = range(self.config.size**2)
+        return Objects(
+            tuple(tuple(cell * (letters + 1) + k for cell in cells) for k in range(letters)), tuple(range(letters))
+        )
 
     @property
     def action_size(self) -> int:

@@ -28,6 +28,7 @@ from envs.waterworld.config import WaterWorldConfig
 from envs.waterworld.params import Start, WaterWorldParams
 from envs.waterworld.view import make_view
 from t2tl_jax.env import Alphabet, LabelledEnv, Purpose, State
+from t2tl_jax.objects import Objects
 from t2tl_jax.view import View
 
 NUM_ACTIONS = 5
@@ -150,6 +151,13 @@ class WaterWorld(LabelledEnv):
     def observation_size(self) -> int:
         """Four numbers for the agent and four for each ball: 68 with eight colours, 52 in the original world."""
         return 4 + 4 * self.num_balls
+
+    @property
+    def objects(self) -> Objects:
+        """The balls: two numbers say where each is, seen from the agent, and two how it moves."""
+        colours = range(len(self.config.colours))
+        which = tuple(colour for colour in colours for _ in range(self.config.balls_per_colour))
+        return Objects.blocks(range(4, 4 + 4 * self.num_balls, 4), 4, which, place=2)
 
     @property
     def action_size(self) -> int:

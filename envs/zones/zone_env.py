@@ -19,6 +19,7 @@ from envs.zones.point_mjx import MjxPoint
 from envs.zones.point_robot import EDGE, WALL, PointPhysics, PointState
 from envs.zones.view import make_view
 from t2tl_jax.env import Alphabet, LabelledEnv, Purpose, State
+from t2tl_jax.objects import Objects
 from t2tl_jax.view import View
 
 FAILURE_REWARD = -10.0
@@ -130,6 +131,12 @@ class ZoneEnv(LabelledEnv):
         in the open arena ``edge``. In their order.
         """
         return dict(self._parts)
+
+    @property
+    def objects(self) -> Objects:
+        """The colours, each as its lidar shows it."""
+        starts = [self._parts[colour].start for colour in self._propositions]
+        return Objects.blocks(starts, sensors.LIDAR_BINS, range(len(starts)))
 
     @property
     def action_size(self) -> int:

@@ -153,7 +153,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
     if env.num_actions is None:
         raise ValueError("DQN needs discrete actions, and this environment's are continuous; use PPO")
     num_actions = env.num_actions
-    network = QNetwork(config.network, num_actions)
+    config.network.state.check(env.objects, config.task_encoder)
+    network = QNetwork(config.network, num_actions, env.objects)
     apply: Callable[..., Any] = network.apply  # as in dqn_loss
     codes_move = config.task_encoder.learned and not config.freezes_task_encoder
     begin_carry = partial(network.begin, env.observation_size)

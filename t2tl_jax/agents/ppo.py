@@ -223,12 +223,13 @@ def ppo_loss(
 def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: int) -> Agent:
     """The learner for one seed. `iterations` is the length of the run, which schedules refer to."""
     context, discrete = config.network.context, env.num_actions is not None
-    network = ActorCritic(config.network, env.num_actions or env.action_size, discrete)
+    config.network.state.check(env.objects, config.task_encoder)
+    network = ActorCritic(config.network, env.num_actions or env.action_size, discrete, env.objects)
     apply: Callable[..., Any] = network.apply  # as in ppo_loss
     # Parameters stand still while acting, so what was seen is embedded once and not at every step that remembers it.
     as_seen = None if context is None else replace(context, recompute=False)
     actor: Callable[..., Any] = ActorCritic(
-        replace(config.network, context=as_seen), network.action_size, discrete
+        replace(config.network, context=as_seen), network.action_size, discrete, env.objects
     ).apply
     begin_carry = partial(network.begin, env.observation_size)
     remember = partial(apply, method="remember")

@@ -12,9 +12,12 @@ from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry, ContextConfig, ContextEncoder, RecurrentNetwork, Segment
 from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
 from t2tl_jax.networks.initializers import unit_norm
+from t2tl_jax.networks.state_encoder import StateEncoderConfig
+from t2tl_jax.networks.state_encoders import FlatConfig, check_context, make_state_encoder
 from t2tl_jax.networks.task_encoder import TaskEncoder, TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.objects import Objects
 
 MINIMUM_STD = 1e-3
 MEAN_RANGE = 2.0
@@ -29,8 +32,12 @@ class NetworkConfig:
     state of its automaton or reward machine as a unit vector (DFA, RM), or any other that is registered."""
     freeze_task_encoder: bool = False
     """Keep the task encoder as it is, for one that was pre-trained."""
+    state: StateEncoderConfig = field(default_factory=FlatConfig)
+    """What reads the observation first: nothing does (flat), or one small network reads every object in it, and the
+    task's code beside it (objects), or any other that is registered."""
     env_layers: tuple[int, ...] = (128, 64)
-    """Hidden sizes of the environment encoder; empty for none: the observation itself, which may be empty too."""
+    """Hidden sizes of the environment encoder, behind that; empty for none: the observation itself, which may be empty
+    too, or the features of the objects."""
     actor_layers: tuple[int, ...] = (64, 64, 64)
     """Hidden sizes of the actor; empty for a single linear layer."""
     critic_layers: tuple[int, ...] = (64, 64)
@@ -41,13 +48,15 @@ class NetworkConfig:
     value_scale: float = 0.0
     """Length of the value head's initial weights: 1 as published, 0 for a critic that starts without an opinion."""
     observation: Literal["symlog", "raw"] = "symlog"
-    """Squash observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as published."""
+    """Squash the numbers of observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as
+    published."""
     context: ContextConfig | None = None
     """The window of the last steps of the episode and who reads it (T2TL); None for a policy without memory (T1TL)."""
 
     def __post_init__(self) -> None:
         checks.sizes(self, "env_layers", "actor_layers", "critic_layers")
         checks.not_negative(self, "mean_scale", "value_scale")
+        check_context(self.context, self.state)
 
 
 def _mlp(x: jax.Array, sizes: tuple[int, ...], activation, name: str) -> jax.Array:
@@ -56,17 +65,26 @@ def _mlp(x: jax.Array, sizes: tuple[int, ...], activation, name: str) -> jax.Arr
     return x
 
 
+def symlog(x: jax.Array) -> jax.Array:
+    """Large numbers made small, small ones hardly changed; any shape."""
+    return jnp.sign(x) * jnp.log1p(jnp.abs(x))
+
+
 class EnvironmentEncoder(nn.Module):
     """Observation -> features, ReLU after every layer."""
 
     config: NetworkConfig
+    objects: Objects | None = None
+
+    def setup(self) -> None:
+        """Name the part; its parameters live under this name in checkpoints."""
+        squash = symlog if self.config.observation == "symlog" else (lambda x: x)
+        self.state = make_state_encoder(self.config.state, self.objects, self.config.task_encoder, squash)
 
     @nn.compact
-    def __call__(self, obs: jax.Array) -> jax.Array:
-        """obs [..., O] -> [..., env_layers[-1]]."""
-        if self.config.observation == "symlog":
-            obs = jnp.sign(obs) * jnp.log1p(jnp.abs(obs))
-        return _mlp(obs, self.config.env_layers, nn.relu, "dense")
+    def __call__(self, obs: jax.Array, task: jax.Array | None = None) -> jax.Array:
+        """obs [..., O], and task [..., dim] if the state encoder reads it -> [..., env_layers[-1]]."""
+        return _mlp(self.state(obs, task), self.config.env_layers, nn.relu, "dense")
 
 
 class Actor(nn.Module):
@@ -116,11 +134,12 @@ class ActorCritic(RecurrentNetwork):
     config: NetworkConfig
     action_size: int  # dimensions of a continuous action, or number of discrete actions
     discrete: bool = False
+    objects: Objects | None = None  # what the environment says about its observation
 
     def setup(self) -> None:
         """Name the parts; parameters live under these names in checkpoints."""
         self.task_encoder: TaskEncoder = make_task_encoder(self.config.task_encoder)
-        self.environment_encoder = EnvironmentEncoder(self.config)
+        self.environment_encoder = EnvironmentEncoder(self.config, self.objects)
         self.actor = Actor(self.config.actor_layers, self.action_size, self.config.mean_scale, self.discrete)
         self.critic = Critic(self.config.critic_layers, self.config.value_scale)
         if self.config.context is not None:
@@ -131,9 +150,13 @@ class ActorCritic(RecurrentNetwork):
         embedding = self.task_encoder(table)
         return jax.lax.stop_gradient(embedding) if self.config.freeze_task_encoder else embedding
 
-    def see(self, obs: jax.Array) -> jax.Array:
-        """The environment encoder: obs [..., O] -> [..., env_layers[-1]]."""
-        return self.environment_encoder(obs)
+    def see(self, obs: jax.Array, task: jax.Array | None = None) -> jax.Array:
+        """The environment encoder: obs [..., O], and task [..., dim] if it reads it -> [..., env_layers[-1]]."""
+        return self.environment_encoder(obs, task)
+
+    def of_task(self, task: jax.Array) -> jax.Array:
+        """What actor and critic read of codes [..., dim]."""
+        return self.config.state.left_of(task, self.config.task_encoder)
 
     @nn.nowrap
     def blank(self, observation_size: int) -> tuple[jax.Array, int]:
@@ -146,8 +169,8 @@ class ActorCritic(RecurrentNetwork):
 
         The carry may also be segments of [...] without the last axis, which then is that of their steps.
         """
-        embedding = self.see(obs)
-        parts = [embedding, task]
+        embedding = self.see(obs, task)
+        parts = [embedding, self.of_task(task)]
         if self.config.context is not None:
             parts.append(self.context(carry, embedding))
         return jnp.concatenate(parts, axis=-1)
@@ -162,7 +185,7 @@ class ActorCritic(RecurrentNetwork):
 
     def value_after(self, obs: jax.Array, next_obs: jax.Array, next_task: jax.Array, carry: Segment | tuple[()]):
         """Value [..., S] of the states that the steps of segments led to, before any new episode."""
-        parts = [self.see(next_obs), next_task]
+        parts = [self.see(next_obs, next_task), self.of_task(next_task)]
         if self.config.context is not None:
             parts.append(self.context(carry, self.see(obs), after=True))
         return self.critic(jnp.concatenate(parts, axis=-1))

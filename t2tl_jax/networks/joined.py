@@ -47,6 +47,21 @@ class JoinedConfig(TaskEncoderConfig):
         """Whether one of them does."""
         return self.first.reads_tokens or self.second.reads_tokens
 
+    @property
+    def propositions_told(self) -> int | None:
+        """As many as the first tells of, or else the second."""
+        told = self.first.propositions_told
+        return self.second.propositions_told if told is None else told
+
+    def by_proposition(self, code: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """What one of them says, the first if it can; the other's code belongs to the rest."""
+        first, second = code[..., : self.first.code_size], code[..., self.first.code_size :]
+        speaks, of, other = self.first, first, second
+        if self.first.propositions_told is None:
+            speaks, of, other = self.second, second, first
+        told, rest = speaks.by_proposition(of)
+        return told, jnp.concatenate([rest, other], axis=-1)
+
 
 class JoinedTaskEncoder(nn.Module):
     """The codes of two encoders, one behind the other."""

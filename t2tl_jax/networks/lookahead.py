@@ -40,6 +40,16 @@ class LookaheadConfig(TaskEncoderConfig):
         """The code says what to do, in every task alike."""
         return True
 
+    @property
+    def propositions_told(self) -> int:
+        """Of so many propositions there are two numbers for each step."""
+        return self.propositions
+
+    def by_proposition(self, code: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """[..., propositions, 2 steps] and the distance [..., 1]."""
+        told = code[..., :-1].reshape(*code.shape[:-1], 2 * self.steps, self.propositions)
+        return jnp.swapaxes(told, -1, -2), code[..., -1:]
+
 
 def distance_to_true(table: TaskTable) -> jax.Array:
     """The fewest letters that make each row true: int32[rows], `num_rows` where no letters do."""

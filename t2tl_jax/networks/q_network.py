@@ -17,9 +17,12 @@ from flax import linen as nn
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry, ContextConfig, ContextEncoder, RecurrentNetwork
+from t2tl_jax.networks.state_encoder import StateEncoderConfig
+from t2tl_jax.networks.state_encoders import FlatConfig, check_context, make_state_encoder
 from t2tl_jax.networks.task_encoder import TaskEncoder, TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.objects import Objects
 
 HE = nn.initializers.orthogonal(2**0.5)
 
@@ -32,8 +35,12 @@ class QNetworkConfig:
     """How a task becomes numbers, as in `NetworkConfig`; 32 of them as published for WaterWorld."""
     freeze_task_encoder: bool = False
     """Keep the task encoder as it is, for one that was pre-trained."""
+    state: StateEncoderConfig = field(default_factory=FlatConfig)
+    """What reads the observation first, as in `NetworkConfig`. One that reads the task as well makes all layers behind
+    it layers of every task, as the head "concat" does."""
     state_layers: tuple[int, ...] = (512, 512)
-    """Hidden sizes of the part that reads the state, shared by all tasks."""
+    """Hidden sizes of the part that reads the state, shared by all tasks; behind the features of objects if it reads
+    objects."""
     task_layer: int = 256
     """Size of the layer in which state and task meet; of the last hidden layer if they are concatenated."""
     head: Literal["film", "bilinear", "concat"] = "film"
@@ -49,6 +56,12 @@ class QNetworkConfig:
     def __post_init__(self) -> None:
         checks.sizes(self, "state_layers")
         checks.counts(self, "task_layer")
+        check_context(self.context, self.state)
+        if self.state.reads_task and self.head == "bilinear":
+            raise ValueError(
+                f"the head 'bilinear' reads a state once for all tasks, and {type(self.state).__name__} reads it for "
+                "each of them; use head=film, or network.state=flat"
+            )
         if self.context is not None and not self.context.aligned:
             raise ValueError("context.aligned=False is a mistake in PPO's order of samples; replay has no such order")
         if self.context is not None and not self.state_layers:
@@ -60,11 +73,13 @@ class QNetwork(RecurrentNetwork):
 
     config: QNetworkConfig
     num_actions: int
+    objects: Objects | None = None  # what the environment says about its observation
 
     def setup(self) -> None:
         """Name the parts; parameters live under these names in checkpoints."""
         config = self.config
         self.task_encoder: TaskEncoder = make_task_encoder(config.task_encoder)
+        self.state = make_state_encoder(config.state, self.objects, config.task_encoder)
         self.state_encoder = [nn.Dense(size, kernel_init=HE) for size in (*config.state_layers, config.task_layer)]
         if config.context is not None:
             self.context_encoder = ContextEncoder(config.context, self.num_actions)
@@ -93,8 +108,16 @@ class QNetwork(RecurrentNetwork):
         return jax.lax.stop_gradient(embedding) if self.config.freeze_task_encoder else embedding
 
     def see(self, obs: jax.Array) -> jax.Array:
-        """The first layer of the state: obs [..., O] -> [..., state_layers[0]]."""
-        return nn.relu(self.state_encoder[0](obs))
+        """The first layer of the state, of a network with context: obs [..., O] -> [..., state_layers[0]]."""
+        return nn.relu(self.first_layer(obs))
+
+    def first_layer(self, obs: jax.Array, task: jax.Array | None = None) -> jax.Array:
+        """Before its activation: obs [..., O], and task [..., dim] if the state encoder reads it -> [..., size]."""
+        return self.state_encoder[0](self.state(obs, task))
+
+    def of_task(self, embedding: jax.Array) -> jax.Array:
+        """What the head reads of codes [..., dim]."""
+        return self.config.state.left_of(embedding, self.config.task_encoder)
 
     @nn.nowrap
     def blank(self, observation_size: int) -> tuple[jax.Array, int]:
@@ -102,12 +125,15 @@ class QNetwork(RecurrentNetwork):
         del observation_size
         return jnp.int32(0), self.config.state_layers[0]
 
-    def features(self, obs: jax.Array, carry: Carry = ()) -> jax.Array:
-        """obs [..., O], carry of [...] environments -> [..., task_layer], before the last activation.
+    def features(self, obs: jax.Array, task: jax.Array, carry: Carry = ()) -> jax.Array:
+        """obs [B, O], carry of B environments -> [B, 1, task_layer], before the last activation.
 
-        The same for all tasks, which see no window of their own but the one of the policy that acted.
+        The same for all tasks, which see no window of their own but the one of the policy that acted; but of every
+        task, [B, R, task_layer], if the state encoder reads it: task [R, dim] for every state or [B, 1, dim], one each.
         """
-        return self.deeper(self.state_encoder[0](obs), self.window_code(carry))
+        if self.config.state.reads_task:
+            return self.deeper(self.first_layer(obs[:, None], task), None)
+        return self.deeper(self.first_layer(obs), self.window_code(carry))[:, None]
 
     def window_code(self, carry: Carry) -> jax.Array | None:
         """The context variable [..., output]; None without context."""
@@ -124,7 +150,8 @@ class QNetwork(RecurrentNetwork):
 
     def concat(self, obs: jax.Array, task: jax.Array, carry: Carry) -> tuple[jax.Array, jax.Array]:
         """obs [B, O], task [R, dim] for every state or [B, 1, dim], one each -> [B, R, actions], [B, R, 1]."""
-        x = self.state_encoder[0](obs)[:, None] + self.task_share(task)  # [B, R, first layer]
+        first = self.first_layer(obs[:, None], task) if self.config.state.reads_task else self.first_layer(obs)[:, None]
+        x = first + self.task_share(self.of_task(task))  # [B, R, first layer]
         window = self.window_code(carry)
         if window is not None:
             window = jnp.broadcast_to(window[:, None], (*x.shape[:-1], window.shape[-1]))
@@ -161,20 +188,21 @@ class QNetwork(RecurrentNetwork):
         """Q of every row for each state: obs [B, O], embedding [rows, dim] -> [B, rows, actions]."""
         if self.config.head == "concat":
             return self.dueling(*self.concat(obs, embedding, carry))
-        features = self.features(obs, carry)
+        features = self.features(obs, embedding, carry)
         if self.config.head == "film":
-            return self.dueling(*self.film(features[:, None, :], embedding[None, :, :]))
-        both = jnp.einsum("bea,re->bra", self.matrices(features), self.codes(embedding))
+            return self.dueling(*self.film(features, self.of_task(embedding)))
+        both = jnp.einsum("bea,re->bra", self.matrices(features[:, 0]), self.codes(embedding))
         return self.dueling(both[..., 1:], both[..., :1])
 
     def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, carry: Carry = ()) -> jax.Array:
         """Q of one row for each state: obs [B, O], embedding [rows, dim], row int32[B] -> [B, actions]."""
         if self.config.head == "concat":
             return self.dueling(*self.concat(obs, embedding[row][:, None], carry))[:, 0]
-        features = self.features(obs, carry)
+        task = embedding[row][:, None]
+        features = self.features(obs, task, carry)
         if self.config.head == "film":
-            return self.dueling(*self.film(features, embedding[row]))
-        both = jnp.einsum("bea,be->ba", self.matrices(features), self.codes(embedding)[row])
+            return self.dueling(*self.film(features, self.of_task(task)))[:, 0]
+        both = jnp.einsum("bea,be->ba", self.matrices(features[:, 0]), self.codes(embedding)[row])
         return self.dueling(both[..., 1:], both[..., :1])
 
     def initialise(self, table: TaskTable, obs: jax.Array, carry: Carry = ()) -> jax.Array:

@@ -40,6 +40,15 @@ class TaskEncoderConfig:
         raise NotImplementedError
 
     @property
+    def propositions_told(self) -> int | None:
+        """Of how many propositions the code speaks, of each by itself; None for one that does not."""
+        return None
+
+    def by_proposition(self, code: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """What codes [..., dim] say of each proposition, [..., propositions_told, K], and what else, [..., rest]."""
+        raise NotImplementedError
+
+    @property
     def reads_padding(self) -> bool:
         """Whether the code of a formula depends on how much padding stands behind it."""
         return False

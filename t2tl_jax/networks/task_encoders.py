@@ -14,6 +14,7 @@ from t2tl_jax.networks.gru import GRUConfig, GRUTaskEncoder
 from t2tl_jax.networks.joined import JoinedConfig, JoinedTaskEncoder
 from t2tl_jax.networks.lookahead import LookaheadConfig, LookaheadTaskEncoder
 from t2tl_jax.networks.rgcn import RGCNConfig, RGCNTaskEncoder
+from t2tl_jax.networks.roles import RolesConfig, RolesTaskEncoder
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig
 from t2tl_jax.registry import TASK_ENCODERS, register_task_encoder
@@ -77,6 +78,7 @@ register_task_encoder("rgcn", RGCNConfig, RGCNTaskEncoder)
 register_task_encoder("gru", GRUConfig, GRUTaskEncoder)
 register_task_encoder("one_hot", OneHotConfig, OneHotTaskEncoder)
 register_task_encoder("lookahead", LookaheadConfig, LookaheadTaskEncoder)
+register_task_encoder("roles", RolesConfig, RolesTaskEncoder)
 register_task_encoder("automaton", AutomatonConfig, AutomatonTaskEncoder)
 register_task_encoder("joined", JoinedConfig, JoinedTaskEncoder)
 

@@ -149,6 +149,9 @@ class Config:
     random_starts: float = 0.0
     """Share of training episodes that start at a random sub-task of the formula (the on-policy form of the paper's
     simultaneous learning); evaluation never does."""
+    renaming: bool = False
+    """Give the propositions other names in every training episode, drawn at its start: objects change places in the
+    observation together with the labels. Needs an environment that describes its objects; evaluation never does it."""
     learner: LearnerConfig
     """The learner with its network."""
     frames: Count = 10_000_000

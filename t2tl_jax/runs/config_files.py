@@ -15,8 +15,9 @@ from t2tl_jax.env import EnvConfig
 from t2tl_jax.errors import NotRegistered, UserError
 from t2tl_jax.ltl import TaskFamily
 from t2tl_jax.names import nearest
+from t2tl_jax.networks.state_encoder import StateEncoderConfig
 from t2tl_jax.networks.task_encoder import SequenceEncoderConfig, TaskEncoderConfig
-from t2tl_jax.registry import AGENTS, CONTEXT_READERS, ENVS, TASK_ENCODERS, TASK_FAMILIES, Registry
+from t2tl_jax.registry import AGENTS, CONTEXT_READERS, ENVS, STATE_ENCODERS, TASK_ENCODERS, TASK_FAMILIES, Registry
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.migration import VERSION, migrated
 from t2tl_jax.training.types import LearnerConfig
@@ -28,6 +29,7 @@ REGISTRIES: dict[type, Registry] = {
     EnvConfig: ENVS,
     LearnerConfig: AGENTS,
     TaskEncoderConfig: TASK_ENCODERS,
+    StateEncoderConfig: STATE_ENCODERS,
     SequenceEncoderConfig: CONTEXT_READERS,
     TaskFamily: TASK_FAMILIES,
 }

@@ -12,6 +12,7 @@ from t2tl_jax.env import EnvParams, LabelledEnv, Purpose
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.registry import AGENTS, ENVS
+from t2tl_jax.renaming import Renamed
 from t2tl_jax.runs.compilation import Compilation
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import Pools, make_pools, make_table
@@ -145,6 +146,22 @@ class Experiment:
         """The same learner and environment with another task, to evaluate on."""
         return replace(self, table=table)
 
+    def elsewhere(self, env: LabelledEnv, table: TaskTable) -> "Experiment":
+        """The same learner in another environment, to evaluate in.
+
+        Where its observation describes other objects, the learner is made anew for them.
+
+        Raises:
+            UserError: if it cannot read them.
+        """
+        there = replace(self, env=env, table=table)
+        if env.objects == self.env.objects:
+            return there
+        with explained():
+            make = AGENTS.maker(self.config.learner)
+            agent = make(there.task_env, self.config.learner, self.config.episode_length, self.config.iterations)
+        return replace(there, agent=agent)
+
     def row_texts(self) -> Sequence[str]:
         """What every row of the task table says, for pictures."""
         return tuple(self.table.text(row) for row in range(self.table.num_rows))
@@ -164,7 +181,8 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
         env = ENVS.maker(config.env)(config.env) if env is None else env
         pools = make_pools(config, env)
         table = make_table(config, env) if pools is None else pools.evaluation
-        training_env = TaskEnv(env, table, config.random_starts, config.labels)
+        world = Renamed(env) if config.renaming else env
+        training_env = TaskEnv(world, table, config.random_starts, config.labels)
         make = AGENTS.maker(config.learner)
         agent = make_given(make, training_env, config.learner, config.episode_length, config.iterations)
         if pools is not None and agent.restart is None:

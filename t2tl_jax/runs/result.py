@@ -138,7 +138,8 @@ class Result:
         Args:
             task: another task than the one that was trained on; of a one-hot code see `policy`.
             episodes: per seed, policy and task.
-            env: another environment with the same observations, actions and propositions, such as other physics.
+            env: another environment with the same observations, actions and propositions, such as other physics. A
+                network over objects may meet others and more of them; one that tells them by role, other propositions.
             episode_length: another time limit, in steps.
             which: the final or the best parameters.
             tasks: several tasks instead, by name or as formulas, all in one compiled program.
@@ -147,45 +148,47 @@ class Result:
             By the name of the policy; with `tasks`, by what each is called there, then by the name of the policy.
 
         Raises:
-            UserError: for a task that does not fit.
+            UserError: for a task or an environment that does not fit.
         """
         params = {which: self.params_of(which)}
         if task is not None and tasks is not None:
             raise UserError("evaluate takes one task or a list of tasks, got both")
         if isinstance(tasks, str):
             raise UserError(f"tasks is a list of names and formulas, got the text {tasks!r}; give [{tasks!r}]")
-        experiment = self.experiment if env is None else replace(self.experiment, env=env)
         length = self.config.episode_length if episode_length is None else episode_length
         if tasks is None:
-            return evaluations.evaluate_policies(self._on(task, experiment), params, episodes, length)[which]
-        tables = self.tables(tasks)
+            return evaluations.evaluate_policies(self._on(task, env), params, episodes, length)[which]
+        tables = self.tables(tasks, env)
+        experiment = self._on(next(iter(tables.values())), env)
         played = evaluations.evaluate_tables(experiment, params, list(tables.values()), episodes, length)[which]
         return dict(zip(tables, played, strict=True))
 
-    def tables(self, tasks: Sequence[str]) -> dict[str, TaskTable]:
+    def tables(self, tasks: Sequence[str], env: LabelledEnv | None = None) -> dict[str, TaskTable]:
         """A table for each of some tasks, all of equal shapes; by what each is called in the list.
 
         Args:
             tasks: names or formulas.
+            env: another environment than that of the run.
 
         Raises:
             UserError: for a task that does not fit, or a network that cannot read formulas.
         """
-        tables = compile_each(self.experiment, tasks)
-        self._on(next(iter(tables.values())))
+        tables = compile_each(self.experiment if env is None else replace(self.experiment, env=env), tasks)
+        self._on(next(iter(tables.values())), env)
         return tables
 
-    def _on(self, task: str | TaskFamily | TaskTable | None, experiment: Experiment | None = None) -> Experiment:
-        """The experiment, by default the run's, with another task; UserError if the network cannot read it."""
-        experiment = experiment or self.experiment
-        if task is None:
-            return experiment
-        if isinstance(task, str | TaskFamily):
+    def _on(self, task: str | TaskFamily | TaskTable | None, env: LabelledEnv | None = None) -> Experiment:
+        """The experiment with another task or environment; UserError if the network cannot read it."""
+        own = self.experiment
+        env = own.env if env is None else env
+        if task is None and env.propositions == own.env.propositions:
+            return self._elsewhere(env, own.table)
+        if task is None or isinstance(task, str | TaskFamily):
             with explained():
-                table = make_table(replace(self.config, task=task), self.experiment.env)
+                table = make_table(self.config if task is None else replace(self.config, task=task), env)
         else:
             table = task
-        experiment = experiment.with_table(table)
+        experiment = self._elsewhere(env, table)
         try:
             jax.eval_shape(lambda params: experiment.agent.embed(seed_slice(params, 0), table), self.params["final"])
         except (ValueError, TypeError) as error:
@@ -194,4 +197,19 @@ class Result:
                 "A trained network keeps the kind and the sizes that it was made with: choose a task within them, or "
                 "train another run for this one."
             ) from error
+        return experiment
+
+    def _elsewhere(self, env: LabelledEnv, table: TaskTable) -> Experiment:
+        """The experiment in another environment; UserError unless the parameters fit the objects there."""
+        experiment = self.experiment.elsewhere(env, table)
+        if experiment.agent is self.experiment.agent:
+            return experiment
+        given = experiment.task_env.make_params(self.seeds[0])
+        needed = jax.tree.map(np.shape, jax.eval_shape(experiment.agent.init, jax.random.key(0), given).params)
+        if needed != jax.tree.map(lambda leaf: leaf.shape[1:], dict(self.params["final"])):
+            raise UserError(
+                f"the network of this run has no parameters for the observations of {type(env).__name__}; one with "
+                "network.state=objects may meet more objects of the same propositions "
+                f"({', '.join(self.experiment.env.propositions)}), and with network.state.identity=role others"
+            )
         return experiment

@@ -19,8 +19,8 @@ LTL_BASICS = {
 # What every part may import: these know nothing of the others.
 FOR_EVERYONE = {f"t2tl_jax.{name}" for name in ("checks", "names", "errors", "flags", "quiet", "registry")}
 # What an environment needs of the library: its interface. It knows no temporal logic.
-INTERFACE = {"t2tl_jax.env", "t2tl_jax.view"}
-WORLD = {"t2tl_jax.ltl", "t2tl_jax.env", "t2tl_jax.task_env"}
+INTERFACE = {"t2tl_jax.env", "t2tl_jax.objects", "t2tl_jax.view"}
+WORLD = {"t2tl_jax.ltl", "t2tl_jax.env", "t2tl_jax.objects", "t2tl_jax.task_env"}
 # Learners are trained by pure functions; these know of networks only what a task encoder is.
 LEARNING = WORLD | {"t2tl_jax.training", "t2tl_jax.networks.task_encoder"}
 # What each part may import besides itself and these. A part is the longest entry that a module's name starts with.
@@ -31,19 +31,24 @@ MAY_IMPORT = {
     **dict.fromkeys(LTL_BASICS, LTL_BASICS),
     "t2tl_jax.ltl.compiler": LTL_BASICS,
     "t2tl_jax.view": set(),
-    "t2tl_jax.env": {"t2tl_jax.view"},
-    "t2tl_jax.task_env": {"t2tl_jax.env", "t2tl_jax.ltl"},
+    "t2tl_jax.objects": set(),
+    "t2tl_jax.env": {"t2tl_jax.view", "t2tl_jax.objects"},
+    "t2tl_jax.task_env": {"t2tl_jax.env", "t2tl_jax.ltl", "t2tl_jax.objects"},
     "t2tl_jax.wrappers": {"t2tl_jax.env", "t2tl_jax.task_env"},
+    "t2tl_jax.renaming": {"t2tl_jax.env", "t2tl_jax.objects"},
     # The world of pre-training, which is a part of the method.
     "t2tl_jax.single_state": {"t2tl_jax.env"},
-    "t2tl_jax.networks": {"t2tl_jax.ltl"},
+    "t2tl_jax.networks": {"t2tl_jax.ltl", "t2tl_jax.objects"},
     "t2tl_jax.networks.task_encoder": {"t2tl_jax.ltl"},
     "t2tl_jax.training": LEARNING,
     "t2tl_jax.agents": LEARNING | {"t2tl_jax.networks"},
     "t2tl_jax.evaluation": LEARNING | {"t2tl_jax.view"},
     # What a network attends to is asked of the network itself.
     "t2tl_jax.evaluation.attention": LEARNING | {"t2tl_jax.evaluation", "t2tl_jax.networks"},
-    "t2tl_jax.runs": LEARNING | INTERFACE | {"t2tl_jax.agents", "t2tl_jax.evaluation", "t2tl_jax.single_state"},
+    "t2tl_jax.runs": LEARNING
+    | INTERFACE
+    | {"t2tl_jax.agents", "t2tl_jax.evaluation", "t2tl_jax.networks.state_encoder"}
+    | {"t2tl_jax.renaming", "t2tl_jax.single_state"},
     # The one configuration of the library itself, with a network of its own.
     "t2tl_jax.runs.pretraining_schedule": {
         *("t2tl_jax.runs.config", "t2tl_jax.runs.convergence", "t2tl_jax.single_state"),
