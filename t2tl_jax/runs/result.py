@@ -158,24 +158,25 @@ class Result:
         length = self.config.episode_length if episode_length is None else episode_length
         if tasks is None:
             return evaluations.evaluate_policies(self._on(task, env), params, episodes, length)[which]
-        tables = self.tables(tasks, env)
-        experiment = self._on(next(iter(tables.values())), env)
+        tables, experiment = self._on_each(tasks, env)
         played = evaluations.evaluate_tables(experiment, params, list(tables.values()), episodes, length)[which]
         return dict(zip(tables, played, strict=True))
 
-    def tables(self, tasks: Sequence[str], env: LabelledEnv | None = None) -> dict[str, TaskTable]:
+    def tables(self, tasks: Sequence[str]) -> dict[str, TaskTable]:
         """A table for each of some tasks, all of equal shapes; by what each is called in the list.
 
         Args:
             tasks: names or formulas.
-            env: another environment than that of the run.
 
         Raises:
             UserError: for a task that does not fit, or a network that cannot read formulas.
         """
+        return self._on_each(tasks)[0]
+
+    def _on_each(self, tasks: Sequence[str], env: LabelledEnv | None = None) -> tuple[dict[str, TaskTable], Experiment]:
+        """Their tables, in the environment if one is given, and the experiment with the first of them."""
         tables = compile_each(self.experiment if env is None else replace(self.experiment, env=env), tasks)
-        self._on(next(iter(tables.values())), env)
-        return tables
+        return tables, self._on(next(iter(tables.values())), env)
 
     def _on(self, task: str | TaskFamily | TaskTable | None, env: LabelledEnv | None = None) -> Experiment:
         """The experiment with another task or environment; UserError if the network cannot read it."""
