@@ -2,14 +2,19 @@
 
 import dataclasses
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
+from t2tl_jax.env import EnvConfig
+from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import TaskFamily
+from t2tl_jax.registry import make_env
 from t2tl_jax.runs.machine_files import same_task
 
 
 def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
-    """Fields in which two configurations differ, as ``learner.noise_time=0.0``; `run` does not count.
+    """Fields in which two configurations differ, as ``learner.noise_time=0.0``; `run` does not count, nor does
+    `map_period` where the other one's maps are never renewed.
 
     Of another kind of environment, network or learner, its name and what departs from its defaults.
     """
@@ -25,5 +30,16 @@ def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
                 yield f"{name}={type(b).__name__}"
                 a = type(b)()
             yield from differences(a, b, name + ".")
+        elif name == "map_period":
+            if a != b and _renewable(other.env):
+                yield f"{name}={b}"
         elif a != b and not (name == "task" and same_task(a, b)):
             yield f"{name}={b}"
+
+
+@cache
+def _renewable(env: EnvConfig) -> bool:
+    try:
+        return bool(make_env(env).renewable)
+    except UserError:  # it was given as an object, which may be renewable
+        return True

@@ -13,6 +13,12 @@ def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
     assert list(differences(base, dataclasses.replace(base, learner=learner, run=run))) == ["learner.noise_time=0.0"]
 
 
+def test_the_period_of_maps_counts_where_maps_are_renewed():
+    for name, named in (("zone_ppo", []), ("zone_ppo_random", ["map_period=0"])):
+        config = named_config(name)
+        assert list(differences(config, dataclasses.replace(config, map_period=0))) == named
+
+
 def test_differences_between_kinds_are_those_from_the_defaults():
     zone, water = named_config("zone_ppo"), apply(named_config("waterworld_dqn"), "rm")
     water = dataclasses.replace(water, frames=zone.frames)
