@@ -81,7 +81,7 @@ def row(name: str, config: Config, seeds: Sequence[int], status: Mapping[str, An
     other = [
         change
         for change in differences(configs()[nearest][0], config)
-        if not change.startswith(("learner.network.", "learner.counterfactual", "pretrained", "seeds", "selection", "map_period"))
+        if not change.startswith(("learner.network.", "learner.counterfactual", "pretrained", "seeds", "selection"))
     ]
     before = status.get("pretraining", {}).get("frames_per_seed") if config.pretrained else 0
     return (
