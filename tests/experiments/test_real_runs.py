@@ -23,15 +23,6 @@ from t2tl_jax.training.devices import place
 
 pytestmark = pytest.mark.slow
 
-
-@pytest.fixture(autouse=True, scope="module")
-def compiled_quickly():
-    """Nearly all of the time is compiling, and nothing here is large enough to gain from optimised programs."""
-    jax.config.update("jax_disable_most_optimizations", True)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
-
-
 SMALL = ("--learner.network.task-encoder.layers", "1", "--episode-length", "40", "--run.progress", "False")
 SMALL_LEARNER = {
     "zone_ppo_closed_form": (
