@@ -72,15 +72,7 @@ def made_by(runs: Sequence[Stored]) -> str:
     counts = f"Seeds: {', '.join(map(str, seeds))}. " if any(seeds) else ""
     chosen = sorted({seed for run in runs if run.seeds for seed in tuning.tuning_seeds(run.config, run.seeds)})
     note = f" Settings were chosen in part on seeds {tuning.in_words(chosen)} of these." if chosen else ""
-    return paragraph(f"{counts}{origin([run.versions for run in runs])}{note}{_attested(runs)}")
-
-
-def _attested(runs: Sequence[Stored]) -> str:
-    """Which runs say of their tree what was written down only afterwards."""
-    late = [run.path.name for run in runs if any("git_changed_note" in session for session in run.sessions)]
-    if not late:
-        return ""
-    return f" Which results the tree held that the commit has not was written down afterwards for {', '.join(late)}."
+    return paragraph(f"{counts}{origin([run.versions for run in runs])}{note}")
 
 
 def origin(versions: Sequence[Mapping[str, Any]]) -> str:

@@ -24,8 +24,8 @@ HEAD = """# Results
 
 Written by `python -m experiments.reproduce --report True` from what is stored in `results/`; do not edit. Every run is
 there with its configuration, metrics, evaluation, versions and the commit that made it, which is one of this history,
-without changes but for results that were kept before. First come the items of the paper, from `results/paper`, each
-with the command that measures it, then what was measured beside them."""
+without changes. First come the items of the paper, from `results/paper`, each with the command that measures it, then
+what was measured beside them."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from t2tl_jax.runs import config_files, params_file, train
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.metrics_file import area, ending, history, read_columns
-from t2tl_jax.runs.provenance import MOST_CHANGES
 from t2tl_jax.runs.result import Result
 
 LAST = 0.05
@@ -44,9 +43,6 @@ MOST_MEBIBYTES = 2
 
 SIZES = "sizes.json"
 """What a run's networks come to, counted when it is kept."""
-
-WRITTEN = ("results/", "docs/")
-"""Where `experiments.reproduce` writes in the repository, besides README.md."""
 
 
 @dataclass(frozen=True)
@@ -80,12 +76,6 @@ class Stored:
     def versions(self) -> dict[str, Any]:
         """The software, the hardware and the commit that it began with."""
         return read_json(RunFolder(self.path).versions)["started"]
-
-    @property
-    def sessions(self) -> list[dict[str, Any]]:
-        """The same of every session that worked on it."""
-        versions = read_json(RunFolder(self.path).versions)
-        return [versions["started"], *versions.get("resumed", [])]
 
     @property
     def sizes(self) -> Sizes | None:
@@ -146,20 +136,16 @@ class Stored:
         return rate(sum(value > 0.95 for value in rates.values()), len(rates))
 
 
-def changes(session: Mapping[str, Any]) -> str:
-    """Why what a session made cannot be made again from its commit, by its versions; '' if it can.
-
-    What `experiments.reproduce` writes itself may differ from the commit: results that were kept before, and pages.
-    """
+def unclean(session: Mapping[str, Any]) -> str:
+    """Why nobody can make again what a session made, by what it stored of its versions; '' if they can."""
     if not session.get("git_revision"):
         return "its commit is not known"
-    changed = session.get("git_changed", [])
-    others = [path for path in changed if not (path.startswith(WRITTEN) or path == "README.md")]
     if session.get("git_modified") is None:
-        return "what its tree differed in from its commit is not known"
-    if not session["git_modified"] or (changed and len(changed) < MOST_CHANGES and not others):
-        return ""
-    return f"its tree differed from commit {session['git_revision'][:7]} in {', '.join(others[:3]) or 'some files'}"
+        return "whether its tree differed from its commit is not known"
+    changed = ", ".join(session.get("git_changed", [])[:3]) or "some files"
+    return (
+        f"its tree differed from commit {session['git_revision'][:7]} in {changed}" if session["git_modified"] else ""
+    )
 
 
 def load(root: Path) -> dict[str, Stored]:
@@ -190,8 +176,11 @@ def keep(
     """
     versions = read_json(RunFolder(source).versions)
     for session in (versions["started"], *versions.get("resumed", [])):
-        if why := changes(session):
-            raise UserError(f"{name} was not made from a clean commit: {why}; results that are kept need one")
+        if why := unclean(session):
+            raise UserError(
+                f"{name} was not made from a clean commit: {why}; results that are kept need one. Commit what was kept "
+                "before, if that is all, and make the run again"
+            )
         _check_history(name, session["git_revision"], repository)
     result = train.load(source) if agent else None
     shutil.rmtree(target, ignore_errors=True)

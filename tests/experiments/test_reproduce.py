@@ -254,25 +254,20 @@ def made_from(path, revision, modified=False, **more):
     (path / "versions.json").write_text(json.dumps({"started": versions | more}))
 
 
-def modified(*paths):
-    return {"git_revision": "abc", "git_modified": True, "git_changed": list(paths)}
-
-
-def test_what_reproduce_writes_itself_may_differ_from_the_commit():
-    assert stored.changes({"git_revision": "abc", "git_modified": False}) == ""
-    assert stored.changes(modified("results/paper/a/config.json", "README.md", "docs/results.md")) == ""
-    assert "in t2tl_jax/flags.py" in stored.changes(modified("results/paper/a/config.json", "t2tl_jax/flags.py"))
-    assert "in some files" in stored.changes(modified(*(f"results/{k}" for k in range(100))))  # and perhaps more
-
-
 @pytest.mark.parametrize(
-    "versions", [{"git_revision": None}, {"git_revision": "abc", "git_modified": True}, modified("envs/__init__.py")]
+    ("versions", "why"),
+    [
+        ({"git_revision": None}, "commit is not known"),
+        ({"git_revision": "abc", "git_modified": None}, "whether its tree differed"),
+        ({"git_revision": "abc", "git_modified": True}, "in some files"),
+        ({"git_revision": "abc", "git_modified": True, "git_changed": ["results/a.json"]}, "in results/a.json"),
+    ],
 )
-def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, versions):
+def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, versions, why):
     clean = json.loads((source / "versions.json").read_text())["started"]
     for sessions in ({"started": versions}, {"started": clean, "resumed": [versions]}):
         (source / "versions.json").write_text(json.dumps(sessions))
-        with pytest.raises(UserError, match="clean commit"):
+        with pytest.raises(UserError, match=f"clean commit.*{why}"):
             stored.keep("run", source, tmp_path / "kept", repository=repository)
     (source / "versions.json").write_text(json.dumps({"started": clean}))
     stored.keep("run", source, tmp_path / "kept", repository=repository)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.reproduction.stored import changes
+from experiments.reproduction.stored import unclean
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
@@ -39,7 +39,7 @@ def test_every_run_has_its_versions():
 
 
 def test_everything_was_made_from_a_tree_without_changes():
-    assert {str(path): changes(made) for path, made in sessions() if changes(made)} == {}
+    assert {str(path): unclean(made) for path, made in sessions() if unclean(made)} == {}
 
 
 def test_the_commits_are_of_this_history():
