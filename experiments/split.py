@@ -15,6 +15,7 @@ from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import Formula, TaskFamily, is_family, resolve_tasks, row_languages, share, tasks_of
 from t2tl_jax.ltl.benchmark_tasks import COLOURS
 from t2tl_jax.ltl.split import DRAWS
+from t2tl_jax.ltl.tasks import NAMED_TASKS
 from t2tl_jax.quiet import quiet_imports
 from t2tl_jax.runs.config import Task
 
@@ -92,10 +93,12 @@ def _sets(text: str | TaskFamily, names: Sequence[str], draws: int) -> dict[str,
     words = [word.strip() for word in text.split(",") if word.strip()]
     if not words:
         raise UserError("give at least one task or family, such as z1 or chains")
-    return {
-        word: tasks_of(word, names, draws) if is_family(word, names) else list(resolve_tasks(word).values())
-        for word in words
-    }
+
+    def tasks(word: str) -> list[Formula]:
+        other = word.isalpha() and word not in (*names, *NAMED_TASKS)  # a misspelt family most likely
+        return tasks_of(word, names, draws) if other or is_family(word, names) else list(resolve_tasks(word).values())
+
+    return {word: tasks(word) for word in words}
 
 
 if __name__ == "__main__":

@@ -21,49 +21,46 @@ COLUMNS = {
 """Columns of every printed table: their headings, and the estimates in them."""
 
 
-@dataclass(frozen=True)
-class SeedReport:
-    """One policy of one seed; intervals are over its episodes."""
+@dataclass(frozen=True, kw_only=True)
+class Outcomes:
+    """What becomes of episodes, as estimates: of a seed over its episodes, or means over seeds or over tasks too."""
 
-    seed: int
-    """Number of the seed."""
     success_rate: Estimate
-    """Share of episodes in which the formula became true; Wilson interval, as for the other rates."""
+    """Share of episodes in which the formula became true."""
     violation_rate: Estimate
     """Share of episodes in which it became false."""
     timeout_rate: Estimate
     """Share of episodes cut by the time limit."""
     env_termination_rate: Estimate
-    """Share of episodes that the environment ended by itself while the task was open."""
+    """Share of episodes that the environment ended by itself while the task was open, such as by leaving the arena."""
     success_length: Estimate
-    """Steps of the successful episodes; t interval."""
+    """Steps of the successful episodes, over the seeds and tasks that have some."""
     discounted_return: Estimate
-    """Mean of the sum of discount^t r_t from t = 0, whatever the rewards; t interval."""
+    """Mean of the sum of discount^t r_t from t = 0, whatever the rewards."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeedReport(Outcomes):
+    """One policy of one seed; Wilson intervals of rates and t intervals of means, over its episodes."""
+
+    seed: int
+    """Number of the seed."""
     paper_return: Estimate
     """The paper's average discounted return: the mean of (sum of r_t) * discount^(steps - 1); t interval. The same
     where only the last step pays, as formulas do."""
 
 
-@dataclass(frozen=True)
-class Report:
-    """One policy (deterministic or sampled) of all seeds of a run."""
+@dataclass(frozen=True, kw_only=True)
+class Report(Outcomes):
+    """One policy (deterministic or sampled) of all seeds of a run: means over seeds.
+
+    Intervals are over seeds, of rates Wilson's with one trial a seed, else t; None with a single seed.
+    """
 
     seeds: tuple[SeedReport, ...]
     """Each seed by itself."""
-    success_rate: Estimate
-    """Mean over seeds, as the other rates; Wilson interval with one trial a seed. None with a single seed."""
-    violation_rate: Estimate
-    """Mean over seeds."""
-    timeout_rate: Estimate
-    """Mean over seeds."""
-    env_termination_rate: Estimate
-    """Mean over seeds."""
-    success_length: Estimate
-    """Mean over the seeds that succeeded at least once; t interval over seeds. None as interval with a single seed."""
-    discounted_return: Estimate
-    """Mean over seeds, likewise."""
     paper_return: Estimate
-    """Mean over seeds, likewise."""
+    """Mean over seeds of the same."""
     solved: Estimate
     """Share of seeds whose success rate exceeds 95 %; Wilson interval over seeds. A seed has *solved* its task when
     this was played by its final parameters."""
@@ -149,8 +146,8 @@ def _seed_report(seed: int, episodes: Episodes) -> SeedReport:
     )
 
 
-def cells(report: Any) -> tuple[str, ...]:
-    """The `COLUMNS` of a report, or of anything that has these estimates."""
+def cells(report: Outcomes) -> tuple[str, ...]:
+    """The `COLUMNS` of a report."""
     return tuple(getattr(report, name).text(1 if name == "success_length" else 3) for name in COLUMNS.values())
 
 

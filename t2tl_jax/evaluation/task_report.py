@@ -1,44 +1,25 @@
 """Reports of one policy on many tasks as one table, with means over all tasks."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from t2tl_jax.evaluation.report import COLUMNS, Report, aligned, cells
+from t2tl_jax.evaluation.report import COLUMNS, Outcomes, Report, aligned, cells
 from t2tl_jax.evaluation.statistics import Estimate, two_way_mean
 
 RANGES = {"success_length": (0.0, float("inf")), "discounted_return": (float("-inf"), float("inf"))}
 """The range of every quantity that is no rate."""
 
 
-@dataclass(frozen=True)
-class TasksReport:
-    """Means over seeds and tasks; intervals for other seeds and other tasks of the kind, see `two_way_mean`."""
-
-    success_rate: Estimate
-    """Share of episodes in which the formula became true."""
-    violation_rate: Estimate
-    """Share of episodes in which it became false."""
-    timeout_rate: Estimate
-    """Share of episodes cut by the time limit."""
-    env_termination_rate: Estimate
-    """Share of episodes that the environment ended by itself, such as by leaving the arena."""
-    success_length: Estimate
-    """Steps of the successful episodes, over the seeds and tasks that have some."""
-    discounted_return: Estimate
-    """Mean of the sum of discount^t r_t from t = 0."""
-
-
-def over_tasks(reports: Sequence[Report]) -> TasksReport:
-    """Sum up the reports of the same seeds on several tasks."""
+def over_tasks(reports: Sequence[Report]) -> Outcomes:
+    """Means over the seeds and tasks of reports of the same seeds; for the intervals see `two_way_mean`."""
 
     def estimate(name: str) -> Estimate:
         values = [[getattr(seed, name).value for report in reports if (seed := report.seeds[k])] for k in seeds]
         return two_way_mean(np.array(values, np.float64), *RANGES.get(name, (0.0, 1.0)))  # None becomes NaN
 
     seeds = range(len(reports[0].seeds))
-    return TasksReport(**{name: estimate(name) for name in COLUMNS.values()})
+    return Outcomes(**{name: estimate(name) for name in COLUMNS.values()})
 
 
 def tasks_table(policies: Mapping[str, Mapping[str, Report]], met: Mapping[str, tuple[str, str]] | None = None) -> str:

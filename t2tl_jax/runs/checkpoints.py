@@ -123,7 +123,8 @@ class Checkpoints:
         iteration = self.latest_iteration()
         if iteration is None:
             raise CheckpointError(
-                f"{self.folder} holds no complete checkpoint: the run was stopped before its first one"
+                f"{self.folder} holds no complete checkpoint: the run was stopped before its first one, or kept for "
+                "its figures alone, as those in results/ of this project are"
             )
         return iteration
 

@@ -30,6 +30,7 @@ def test_fields_of_a_family_are_flags(capsys):
         (["--tests", "F Red"], 'unknown proposition "Red"; known: Blue'),
         (["--tests", ","], "at least one task or family"),
         (["--training", "Untl_1_2_1_1"], 'did you mean "Until_1_2_1_1"'),
+        (["--training", "chain"], 'did you mean "chains"'),
         (["--draws", "0"], "--draws must be at least 1"),
         (["--test", "z1"], "did you mean '--tests'"),
     ],
