@@ -1,7 +1,7 @@
 """Proximal policy optimisation with the constants and details of the published code (reference: Schulman et al., 2017).
 
 Read `make_ppo` from top to bottom: collect a rollout, estimate advantages, update in epochs of minibatches. One
-iteration is one pure function of the training state.
+iteration is one pure function of the training state. The loss is in `ppo_learning.py`.
 """
 
 from collections.abc import Callable
@@ -16,6 +16,7 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
+from t2tl_jax.agents.ppo_learning import Batch, by_time, in_segments, misaligned, ppo_loss
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.context import Carry, Segment, Window
@@ -165,19 +166,6 @@ class Transitions:
     carry: Carry  # the window that acted at the first step of every segment, leading axes [T / S, N]
 
 
-@struct.dataclass
-class Batch:
-    """Samples of a rollout in segments of S successive steps, [B / S, S]; S is 1 without context."""
-
-    obs: jax.Array
-    row: jax.Array
-    action: jax.Array
-    log_prob: jax.Array
-    value: jax.Array
-    advantage: jax.Array
-    carry: Segment | tuple[()] = ()  # the windows that acted
-
-
 # What acting takes from step to step: exploration noise, the context window, and the same window as it is read.
 Known = tuple[jax.Array | None, Carry, Carry]
 
@@ -188,44 +176,12 @@ def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
     return jnp.where(time > 0, jnp.exp(-1.0 / jnp.maximum(time, 1e-3)), 0.0)
 
 
-def ppo_loss(
-    config: PPOConfig, network: ActorCritic, params: Params, task: jax.Array, batch: Batch
-) -> tuple[jax.Array, dict[str, jax.Array]]:
-    """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [..., dim]."""
-    apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
-    distribution, value = apply(params, batch.obs, task, batch.carry)
-    ratio = jnp.exp(distribution.log_prob(batch.action) - batch.log_prob)
-    advantage = batch.advantage
-    if config.normalise_advantage:
-        advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
-    clipped_ratio = jnp.clip(ratio, 1 - config.clip_eps, 1 + config.clip_eps)
-    policy_loss = -jnp.minimum(ratio * advantage, clipped_ratio * advantage).mean()
-
-    target = batch.value + batch.advantage
-    value_error = jnp.square(value - target)
-    if config.clip_value:
-        clipped_value = batch.value + jnp.clip(value - batch.value, -config.clip_eps, config.clip_eps)
-        value_error = jnp.maximum(value_error, jnp.square(clipped_value - target))
-    value_loss = value_error.mean()
-
-    entropy = distribution.entropy().mean()  # over samples and action dimensions
-    loss = policy_loss - config.entropy_coefficient * entropy + config.value_coefficient * value_loss
-    return loss, {
-        "policy_loss": policy_loss,
-        "value_loss": value_loss,
-        "entropy": entropy,
-        "value": value.mean(),
-        "clip_fraction": (jnp.abs(ratio - 1) > config.clip_eps).mean(),
-        "kl": (ratio - 1 - jnp.log(ratio)).mean(),
-    }
-
-
 def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: int) -> Agent:
     """The learner for one seed. `iterations` is the length of the run, which schedules refer to."""
     context, discrete = config.network.context, env.num_actions is not None
     config.network.state.check(env.objects, config.task_encoder)
     network = ActorCritic(config.network, env.num_actions or env.action_size, discrete, env.objects)
-    apply: Callable[..., Any] = network.apply  # as in ppo_loss
+    apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
     # Parameters stand still while acting, so what was seen is embedded once and not at every step that remembers it.
     as_seen = None if context is None else replace(context, recompute=False)
     actor: Callable[..., Any] = ActorCritic(
@@ -233,6 +189,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
     ).apply
     begin_carry = partial(network.begin, env.observation_size)
     remember = partial(apply, method="remember")
+    segments = partial(in_segments, config)
     gradient_steps = iterations * config.epochs * config.num_minibatches
     optimizer = clipped_adam(
         config.learning_rate,
@@ -364,31 +321,20 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             return carry
         return replace(carry, seen=apply(params, carry.seen, method="see"))
 
-    def in_segments(x: jax.Array) -> jax.Array:
-        """[T, N, ...] -> [T / S x N, S, ...]."""
-        segments = config.unroll_length // config.segment_length  # sizes are written out: an observation may have none
-        x = x.reshape(segments, config.segment_length, *x.shape[1:])
-        return jnp.moveaxis(x, 1, 2).reshape(segments * config.num_envs, config.segment_length, *x.shape[3:])
-
-    def by_time(x: jax.Array) -> jax.Array:
-        """[T / S x N, S] or these in several parts -> [T, N]."""
-        x = x.reshape(-1, config.num_envs, config.segment_length)
-        return jnp.moveaxis(x, 2, 1).reshape(config.unroll_length, config.num_envs)
-
     def segments_of(params: Params, transitions: Transitions) -> Segment | tuple[()]:
         """The segments of a rollout, [T / S x N], without their observations where these are embedded anew."""
         if context is None:
             return ()
         ended = transitions.terminated | transitions.truncated
-        action, reward, ended = (in_segments(x) for x in (transitions.action, transitions.reward, ended))
+        action, reward, ended = (segments(x) for x in (transitions.action, transitions.reward, ended))
         # The same numbers as when acting: from the same parameters.
-        seen = None if context.recompute else apply(params, in_segments(transitions.obs), method="see")
+        seen = None if context.recompute else apply(params, segments(transitions.obs), method="see")
         start = jax.tree.map(lambda x: x.reshape(x.shape[0] * x.shape[1], *x.shape[2:]), transitions.carry)
         return Segment(start=start, action=action, reward=reward, ended=ended, seen=seen)
 
     def make_batch(embedding: jax.Array, params: Params, transitions: Transitions) -> Batch:
         carry = segments_of(params, transitions)
-        steps = jax.tree.map(in_segments, replace(transitions, carry=()))
+        steps = jax.tree.map(segments, replace(transitions, carry=()))
 
         def evaluate(part: tuple[Transitions, Segment | tuple[()]]) -> tuple[jax.Array, jax.Array]:
             steps, carry = part
@@ -404,7 +350,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
                 (steps, carry),
             )
             values = jax.lax.map(evaluate, parts)
-        value, next_value = (by_time(x) for x in values)
+        value, next_value = (by_time(config, x) for x in values)
         terminated, truncated = transitions.terminated, transitions.truncated
         if config.timeout_is_terminal:
             terminated, truncated = terminated | truncated, jnp.zeros_like(truncated)
@@ -416,19 +362,10 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             row=steps.row,
             action=steps.action,
             log_prob=steps.log_prob,
-            value=in_segments(value),
-            advantage=in_segments(advantage),
-            carry=carry if context is None or context.aligned else misaligned(carry),
+            value=segments(value),
+            advantage=segments(advantage),
+            carry=carry if context is None or context.aligned else misaligned(config, carry),
         )
-
-    def misaligned(carry: Segment | tuple[()]) -> Segment:
-        """Windows as published: flattened by time and then environment, beside samples in the opposite order."""
-
-        def other_order(x: jax.Array) -> jax.Array:
-            return x.reshape(config.num_envs, config.unroll_length, *x.shape[1:]).swapaxes(0, 1).reshape(x.shape)
-
-        assert isinstance(carry, Segment)
-        return replace(carry, start=jax.tree.map(other_order, carry.start))
 
     def gradient_step(table: TaskTable, carry: tuple[Params, optax.OptState], minibatch: Batch):
         params, opt_state = carry
@@ -443,8 +380,8 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         return (optax.apply_updates(params, updates), opt_state), scalars
 
     def epoch(table: TaskTable, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):
-        segments = config.batch_size // config.segment_length
-        order = jax.random.permutation(key, segments).reshape(config.num_minibatches, -1)
+        count = config.batch_size // config.segment_length
+        order = jax.random.permutation(key, count).reshape(config.num_minibatches, -1)
 
         def minibatch_step(carry, chosen):
             return gradient_step(table, carry, over_envs(jax.tree.map(lambda x: x[chosen], batch)))

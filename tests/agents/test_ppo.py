@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.ppo import Batch, make_ppo, noise_correlation, ppo_loss
+from t2tl_jax.agents.ppo import make_ppo, noise_correlation
+from t2tl_jax.agents.ppo_learning import Batch, ppo_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.gru import GRUConfig

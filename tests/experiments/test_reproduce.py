@@ -2,18 +2,15 @@
 
 import dataclasses
 import json
-import shutil
 import subprocess
 import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
 
-import jax
 import numpy as np
 import pytest
 
-import t2tl_jax
 import tests.fake_learner  # noqa: F401
 from experiments import reproduce, tuning
 from experiments.reproduction import claims, items, locks, measures, representations, stored, work
@@ -220,118 +217,6 @@ def test_a_run_starts_from_one_of_the_same_seeds(runs):
     assert Scale("full", "100,7").apply(runs["zone-dfa"]).seeds == "100,7"
 
 
-def git(repository, *arguments):
-    who = ["-c", "user.name=Nobody", "-c", "user.email=nobody@example.org", "-c", "commit.gpgsign=false"]
-    done = subprocess.run(["git", "-C", repository, *who, *arguments], capture_output=True, text=True, check=True)
-    return done.stdout.strip()
-
-
-@pytest.fixture(scope="module")
-def repository(tmp_path_factory):
-    """A checkout of two commits, and a third one on a branch that is not checked out."""
-    path = tmp_path_factory.mktemp("repository")
-    git(path, "init", "--initial-branch", "main")
-    git(path, "commit", "--allow-empty", "--message", "one")
-    git(path, "branch", "side")
-    git(path, "commit", "--allow-empty", "--message", "two")
-    git(path, "checkout", "--quiet", "side")
-    git(path, "commit", "--allow-empty", "--message", "three")
-    git(path, "checkout", "--quiet", "main")
-    return path
-
-
-@pytest.fixture
-def source(tmp_path, repository):
-    """The folder of a run that was made from a commit before the one that is checked out."""
-    path = tmp_path / "runs" / "run"
-    path.mkdir(parents=True)
-    made_from(path, git(repository, "rev-parse", "main~1"))
-    return path
-
-
-def made_from(path, revision, modified=False, **more):
-    versions = {"git_revision": revision, "git_modified": modified}
-    (path / "versions.json").write_text(json.dumps({"started": versions | more}))
-
-
-@pytest.mark.parametrize(
-    ("versions", "why"),
-    [
-        ({"git_revision": None}, "commit is not known"),
-        ({"git_revision": "abc", "git_modified": None}, "whether its tree differed"),
-        ({"git_revision": "abc", "git_modified": True}, "in some files"),
-        ({"git_revision": "abc", "git_modified": True, "git_changed": ["results/a.json"]}, "in results/a.json"),
-    ],
-)
-def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, versions, why):
-    clean = json.loads((source / "versions.json").read_text())["started"]
-    for sessions in ({"started": versions}, {"started": clean, "resumed": [versions]}):
-        (source / "versions.json").write_text(json.dumps(sessions))
-        with pytest.raises(UserError, match=f"clean commit.*{why}"):
-            stored.keep("run", source, tmp_path / "kept", repository=repository)
-    (source / "versions.json").write_text(json.dumps({"started": clean}))
-    stored.keep("run", source, tmp_path / "kept", repository=repository)
-    assert [path.name for path in (tmp_path / "kept").iterdir()] == ["versions.json"]
-
-
-def test_results_of_commits_that_nobody_could_look_up_are_not_kept(source, tmp_path, repository, monkeypatch):
-    def kept(revision):
-        made_from(source, revision)
-        stored.keep("run", source, tmp_path / "kept", repository=repository)
-
-    for name in ("main", "main~1"):
-        kept(git(repository, "rev-parse", name))
-    with pytest.raises(UserError, match="which is not in the history of what is checked out"):
-        kept(git(repository, "rev-parse", "side"))
-    with pytest.raises(UserError, match="git does not know commit 0123456"):
-        kept("0123456789" * 4)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(UserError, match="git cannot be asked"):
-        kept("0123456789" * 4)
-
-
-def test_what_is_kept_names_no_folder_of_the_machine(source, tmp_path, repository):
-    command = [str(repository / "experiments" / "reproduce.py"), "--folder", str(tmp_path), f"--only={source}"]
-    made_from(source, git(repository, "rev-parse", "HEAD"), command=command, xla_flags="--xla_dump_to=/home/me --x=1")
-    config = {"pretrained": str(source.parent / "before"), "run": {"compilation_cache": "/home/me/cache"}, "frames": 3}
-    (source / "config.json").write_text(json.dumps(config))
-    stored.keep("run", source, tmp_path / "kept", repository=repository)
-    assert json.loads((tmp_path / "kept" / "config.json").read_text()) == {
-        "pretrained": "../before",
-        "run": {"compilation_cache": ""},
-        "frames": 3,
-    }
-    versions = json.loads((tmp_path / "kept" / "versions.json").read_text())["started"]
-    assert versions["command"] == ["experiments/reproduce.py", "--folder", tmp_path.name, "--only=../run"]
-    assert versions["xla_flags"] == "--xla_dump_to=me --x=1"
-
-
-def test_what_is_stored_names_no_folder_of_a_machine():
-    for file in reproduce.RESULTS.glob("*/*.json"):
-        text = file.read_text(encoding="utf-8")
-        assert '"/' not in text and "=/" not in text and "~/" not in text, file
-
-
-def test_the_agent_of_the_first_seed_is_kept_where_it_is_small(tmp_path, repository, monkeypatch):
-    source, said = tmp_path / "run", []
-    result = t2tl_jax.train("fake", seeds=[7, 1], folder=source)
-    made_from(source, git(repository, "rev-parse", "HEAD"))
-
-    def kept():
-        stored.keep("run", source, tmp_path / "kept", agent=True, say=said.append, repository=repository)
-        return tmp_path / "kept"
-
-    assert kept().joinpath("params.npz").stat().st_size < 10_000 and not said
-    again = t2tl_jax.load(tmp_path / "kept")
-    assert again.seeds == (7,) and again.iteration == result.iteration
-    for which in ("final", "best"):
-        jax.tree.map(
-            lambda one, all_: np.testing.assert_array_equal(one, all_[:1]), again.params[which], result.params[which]
-        )
-    monkeypatch.setattr(stored, "MOST_MEBIBYTES", 1e-6)
-    assert not kept().joinpath("params.npz").exists() and "run: parameters are not kept" in said[0]
-
-
 def test_agents_that_are_kept_are_those_of_the_methods_tables(runs):
     assert set(AGENTS) <= set(runs) and all(runs[name].evaluated and not runs[name].alone for name in AGENTS)
     assert set(AGENTS) >= {"zone-t2tl", "zone-dfa_number", "water-dfa_cont"}
@@ -363,12 +248,6 @@ def test_figures_of_a_stored_run(water):
     dips = np.flatnonzero(np.nan_to_num(curve) <= 0.95)
     last = len(curve) - 1 - dips[-1]  # iterations above 95 % up to the end
     assert np.isfinite(since) == (last >= window(run.config))
-
-
-def test_the_stored_sizes_are_those_of_the_networks(water, tmp_path):
-    shutil.copyfile(water["water-rm"].path / "config.json", tmp_path / "config.json")
-    stored.keep_sizes(tmp_path)
-    assert stored.Stored(tmp_path).sizes == water["water-rm"].sizes and water["water-rm"].sizes.code == 16
 
 
 def test_runs_with_the_same_maps_are_compared_in_pairs_and_corrected_for_all_that_are_planned(water):

@@ -1,0 +1,84 @@
+"""What PPO learns from a minibatch: the clipped surrogate; and how the samples of a rollout lie in segments."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+
+from t2tl_jax.networks.actor_critic import ActorCritic
+from t2tl_jax.networks.context import Segment
+from t2tl_jax.training.types import Params
+
+if TYPE_CHECKING:
+    from t2tl_jax.agents.ppo import PPOConfig
+
+
+@struct.dataclass
+class Batch:
+    """Samples of a rollout in segments of S successive steps, [B / S, S]; S is 1 without context."""
+
+    obs: jax.Array
+    row: jax.Array
+    action: jax.Array
+    log_prob: jax.Array
+    value: jax.Array
+    advantage: jax.Array
+    carry: Segment | tuple[()] = ()  # the windows that acted
+
+
+def ppo_loss(
+    config: "PPOConfig", network: ActorCritic, params: Params, task: jax.Array, batch: Batch
+) -> tuple[jax.Array, dict[str, jax.Array]]:
+    """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [..., dim]."""
+    apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
+    distribution, value = apply(params, batch.obs, task, batch.carry)
+    ratio = jnp.exp(distribution.log_prob(batch.action) - batch.log_prob)
+    advantage = batch.advantage
+    if config.normalise_advantage:
+        advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    clipped_ratio = jnp.clip(ratio, 1 - config.clip_eps, 1 + config.clip_eps)
+    policy_loss = -jnp.minimum(ratio * advantage, clipped_ratio * advantage).mean()
+
+    target = batch.value + batch.advantage
+    value_error = jnp.square(value - target)
+    if config.clip_value:
+        clipped_value = batch.value + jnp.clip(value - batch.value, -config.clip_eps, config.clip_eps)
+        value_error = jnp.maximum(value_error, jnp.square(clipped_value - target))
+    value_loss = value_error.mean()
+
+    entropy = distribution.entropy().mean()  # over samples and action dimensions
+    loss = policy_loss - config.entropy_coefficient * entropy + config.value_coefficient * value_loss
+    return loss, {
+        "policy_loss": policy_loss,
+        "value_loss": value_loss,
+        "entropy": entropy,
+        "value": value.mean(),
+        "clip_fraction": (jnp.abs(ratio - 1) > config.clip_eps).mean(),
+        "kl": (ratio - 1 - jnp.log(ratio)).mean(),
+    }
+
+
+def in_segments(config: "PPOConfig", x: jax.Array) -> jax.Array:
+    """[T, N, ...] -> [T / S x N, S, ...]."""
+    segments = config.unroll_length // config.segment_length  # sizes are written out: an observation may have none
+    x = x.reshape(segments, config.segment_length, *x.shape[1:])
+    return jnp.moveaxis(x, 1, 2).reshape(segments * config.num_envs, config.segment_length, *x.shape[3:])
+
+
+def by_time(config: "PPOConfig", x: jax.Array) -> jax.Array:
+    """[T / S x N, S] or these in several parts -> [T, N]."""
+    x = x.reshape(-1, config.num_envs, config.segment_length)
+    return jnp.moveaxis(x, 2, 1).reshape(config.unroll_length, config.num_envs)
+
+
+def misaligned(config: "PPOConfig", carry: Segment | tuple[()]) -> Segment:
+    """Windows as published: flattened by time and then environment, beside samples in the opposite order."""
+
+    def other_order(x: jax.Array) -> jax.Array:
+        return x.reshape(config.num_envs, config.unroll_length, *x.shape[1:]).swapaxes(0, 1).reshape(x.shape)
+
+    assert isinstance(carry, Segment)
+    return replace(carry, start=jax.tree.map(other_order, carry.start))
