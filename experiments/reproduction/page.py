@@ -14,12 +14,13 @@ HEAD = "# The paper, measured again"
 
 TERMS = """\
 Return: average discounted return of the sampled policy over the last 5 % of training. Solved: seeds whose final
-parameters succeed in over 95 % of the evaluation's sampled episodes. Brackets are 95 % intervals: Student's t over
-seeds for means, Wilson for shares; differences are Welch's, or paired where seed k has the same map in both runs, and
-corrected for the number of comparisons of a table, be all of its runs there or not. Seconds are upper bounds: several
-trainings shared a GPU. Values with "±" are as published, a spread that is not said what it is. A claimed ordering is
-*reproduced* where the whole interval of the difference is above zero, *not reproduced* where it is below, else
-*undecided*."""
+parameters succeed in over 95 % of the evaluation's sampled episodes; the deterministic policy is counted likewise, but
+where everything is fixed, as in all items here, it has one episode a seed. Curves by episode: a seed that plays fewer
+counts with what it came to. Brackets are 95 % intervals: Student's t over seeds for means, Wilson for shares;
+differences are Welch's, or paired where seed k has the same map in both runs, and corrected for the number of
+comparisons of a table, be all of its runs there or not. Seconds are upper bounds: several trainings shared a GPU.
+Values with "±" are as published, a spread that is not said what it is. A claimed ordering is *reproduced* where the
+whole interval of the difference is above zero, *not reproduced* where it is below, else *undecided*."""
 
 
 def page(
