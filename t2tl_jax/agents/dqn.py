@@ -28,6 +28,7 @@ from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 from t2tl_jax.training.optimizer import AdamLearnerConfig, clipped_adam
+from t2tl_jax.training.transfer import PART, with_encoder
 from t2tl_jax.training.types import Agent, Metrics, Params, repeated
 from t2tl_jax.training.unroll import Episode, Player, Step, advance, begin, by_task, env_scalars, summed
 
@@ -167,6 +168,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         gradient_steps,
         anneal=config.anneal_learning_rate,
         task_encoder_learning_rate=config.task_encoder_learning_rate,
+        freeze_task_encoder=config.freezes_task_encoder,
     )
     replay = flashbax.make_item_buffer(
         config.buffer_size, min_length=1, sample_batch_size=config.batch_size, add_batches=True
@@ -271,12 +273,14 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         `fixed` is what a frozen encoder makes of them, at every step alike; None for one that learns. Also returns the
         way back from a gradient of the embedding to one of the parameters.
         """
+        params = state.params
         if fixed is None:
-            embedding, pullback = jax.vjp(lambda params: embed(params, table), state.params)
+            embedding, pullback = jax.vjp(lambda params: embed(params, table), params)
         else:
             embedding, pullback = fixed, lambda _: (optax.tree.zeros_like(state.params),)
+            params = with_encoder(params, state.target_params["params"][PART])  # the same: nothing to be copied
         target_params, target_embedding = optax.periodic_update(
-            (state.params, embedding), (state.target_params, state.target_embedding), count, config.target_period
+            (params, embedding), (state.target_params, state.target_embedding), count, config.target_period
         )
         return replace(state, target_params=target_params, target_embedding=target_embedding), embedding, pullback
 

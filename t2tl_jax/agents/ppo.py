@@ -198,6 +198,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         anneal=config.anneal_learning_rate,
         epsilon=config.adam_epsilon,
         task_encoder_learning_rate=config.task_encoder_learning_rate,
+        freeze_task_encoder=config.freezes_task_encoder,
     )
 
     def embed(params: Params, table: TaskTable) -> jax.Array:

@@ -33,6 +33,11 @@ def task_encoder(params: Params, index: np.ndarray) -> Params:
     return jax.tree.map(lambda x: np.asarray(x)[index], params["params"][PART])
 
 
+def with_encoder(params: Params, encoder: Params) -> Params:
+    """The parameters of a network with `encoder` in place of its task encoder's."""
+    return {**params, "params": {**params["params"], PART: encoder}}
+
+
 def adopt(agent: Agent, train_state: Any, encoder: Params, sharding: NamedSharding | None = None) -> Any:
     """The agent's state with `encoder` in place of its task encoder, wherever it holds one; leading axes [seeds].
 
@@ -47,7 +52,7 @@ def adopt(agent: Agent, train_state: Any, encoder: Params, sharding: NamedShardi
         new = jax.tree_util.tree_leaves_with_path(encoder)
         if [(path, x.shape) for path, x in own] != [(path, x.shape) for path, x in new]:
             raise ValueError(f"the pre-trained encoder has arrays {_sizes(new)}, this one has {_sizes(own)}")
-        return {**params, "params": {**params["params"], PART: place(encoder, sharding)}}
+        return with_encoder(params, place(encoder, sharding))
 
     return agent.map_params(train_state, into)
 

@@ -33,6 +33,20 @@ def test_the_same_rate_changes_nothing_and_another_one_only_the_encoder():
         np.testing.assert_allclose(tenth["task_encoder"], without["task_encoder"] / 10, rtol=1e-4)
 
 
+def test_a_frozen_encoder_stays_and_the_rest_moves_as_with_gradients_of_zero():
+    gradients = {"params": {**GRADIENTS["params"], "task_encoder": {"w": np.zeros(3, np.float32)}}}
+    params, held = {}, {}
+    for frozen in (False, True):
+        optimizer = clipped_adam(1e-2, 0.2, gradient_steps=10, anneal=True, freeze_task_encoder=frozen)
+        params[frozen], state = PARAMS, optimizer.init(PARAMS)
+        for _ in range(3):
+            updates, state = optimizer.update(gradients, state, params[frozen])
+            params[frozen] = optax.apply_updates(params[frozen], updates)
+        held[frozen] = sum(leaf.shape == (3,) for leaf in jax.tree.leaves(state))
+    chex.assert_trees_all_equal(params[True], params[False])
+    assert held == {False: 2, True: 0}  # Adam's two moments of the encoder, which cost time to keep
+
+
 @struct.dataclass
 class State:
     params: dict
