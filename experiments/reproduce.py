@@ -1,7 +1,7 @@
 """The paper, measured again: ``python -m experiments.reproduce``; every table and figure, or some of them.
 
 Runs that are done are kept, and runs that were cut go on, so the same command may be given again and again. Several
-processes may work on the same folder, one for each GPU: each takes runs that no other one has taken.
+processes may work on the same folder: each takes runs that no other one has taken. ``--workers`` starts them.
 """
 
 import sys
@@ -16,6 +16,8 @@ from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
 ROOT = Path(__file__).parents[1]
+SHARED = ("only", "scale", "seeds", "minutes", "folder")
+"""Arguments that workers are given as they are."""
 RESULTS = ROOT / "results" / "paper"
 """Where finished runs of full scale are kept, in the repository."""
 
@@ -33,6 +35,9 @@ class Arguments:
     seeds: str = "12"
     """How many seeds of each run, or which. Counted from 24 in ZoneEnv, some of whose settings were chosen on 0 to 11,
     and from 0 in WaterWorld, where they are the maps; a list such as 0,3,7 is meant for all."""
+    workers: int = 0
+    """So many processes for each GPU, or in all without one, that share the runs; 0 does them in this process, one
+    after another on all GPUs. Small runs leave most of a GPU idle: 5 processes do three times as much as one."""
     minutes: float = float("inf")
     """Stop after so many minutes, with everything kept; the same command goes on."""
     folder: Path = Path("runs/reproduction")
@@ -58,7 +63,7 @@ def _main(texts: Sequence[str]) -> int:
         import jax
 
         from experiments.cli import compilation_cache, cpu_devices
-        from experiments.reproduction import report, stored, work
+        from experiments.reproduction import launch, report, stored, work
         from experiments.reproduction.items import ITEMS
         from experiments.reproduction.page import page
         from experiments.reproduction.plan import Scale
@@ -84,17 +89,26 @@ def _main(texts: Sequence[str]) -> int:
         return 0
     if arguments.minutes <= 0:
         raise UserError(f"minutes must be positive, got {arguments.minutes:g}")
+    if arguments.workers < 0:
+        raise UserError(f"workers must not be negative, got {arguments.workers}")
     if arguments.keep and arguments.scale != "full":
         raise UserError("results of a smoke test are not kept in the repository")
     with explained():
         parse_seeds(arguments.seeds)
     if arguments.scale == "smoke":
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
-    compilation_cache.use(RunConfig().compilation_cache)
-    cpu_devices.use()
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
-    with StopRequest() as stop:
-        failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes), stop)
+    if arguments.workers:
+        jax.config.update("jax_platforms", "cpu")  # this process only waits, and then reads what there is
+        progress = work.Progress(runs, names, scale, base)
+        options = [text for name in SHARED for text in (f"--{name}", str(getattr(arguments, name)))]
+        with StopRequest("stopping all workers after their iteration") as stop:
+            failed = launch.launch_workers(arguments.workers, options, base / "workers", progress, stop)
+    else:
+        compilation_cache.use(RunConfig().compilation_cache)
+        cpu_devices.use()
+        with StopRequest() as stop:
+            failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes), stop)
     if arguments.keep:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):

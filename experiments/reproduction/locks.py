@@ -55,7 +55,7 @@ def device_names() -> list[str]:
     if devices[0].platform == "cpu":
         return [_in_file_name(platform.node() or "cpu")]
     visible = os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",")
-    uuids = _uuids() if devices[0].platform == "gpu" else {}
+    uuids = gpu_uuids() if devices[0].platform == "gpu" else {}
     places = [device.id if device.local_hardware_id is None else device.local_hardware_id for device in devices]
     return sorted(_in_file_name(_device_name(place, visible, uuids)) for place in places)
 
@@ -74,7 +74,7 @@ def _device_name(place: int, visible: Sequence[str], uuids: dict[str, str]) -> s
     return uuids.get(given or str(place)) or f"{platform.node()}-{given or place}"
 
 
-def _uuids() -> dict[str, str]:
+def gpu_uuids() -> dict[str, str]:
     """UUIDs of the GPUs by number, as ``nvidia-smi`` tells them; none without it."""
     command = shutil.which("nvidia-smi")
     if command is None:

@@ -77,6 +77,22 @@ def in_order(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
     return sorted(wanted, key=lambda name: (runs[name].alone, name not in awaited, -cost(runs[name])))
 
 
+class Progress:
+    """How far several processes have come with the runs of a folder, in a line."""
+
+    def __init__(self, runs: Mapping[str, Run], names: Sequence[str], scale: Scale, base: Path) -> None:
+        self._runs, self._scale, self._base = runs, scale, base
+        self._open = needed(runs, names)
+        self._total = len(self._open)
+
+    def __call__(self) -> str:
+        """Look again."""
+        done = [name for name in self._open if is_done(self._runs[name], self._scale, self._base / name)]
+        self._open = [name for name in self._open if name not in done]
+        text = f"{self._total - len(self._open)} of {self._total} runs are done"
+        return f"{text}: {', '.join(done)}" if done else text
+
+
 def is_done(run: Run, scale: Scale, folder: Path) -> bool:
     """Whether a run is trained to its end, evaluated and read.
 

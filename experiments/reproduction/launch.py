@@ -1,0 +1,149 @@
+"""Several processes that share the runs of a reproduction: so many for every GPU, which otherwise one run leaves idle.
+
+Each is the command itself without ``--workers``, sees a single GPU, and takes runs that no other one has taken
+(`locks.py`). Small runs are many short operations that wait for one another; under NVIDIA's multi-process service (MPS)
+those of several processes overlap.
+"""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from experiments.reproduction.locks import gpu_uuids
+from t2tl_jax.runs.interrupts import Stoppable
+
+POLL = 1.0
+"""Seconds between two looks at the workers."""
+
+PATIENCE = 120.0
+"""Seconds that workers have to write their checkpoints when the user asks to stop."""
+
+
+def visible_gpus(environment: Mapping[str, str] = os.environ) -> list[str]:
+    """The GPUs that this process may use, as ``CUDA_VISIBLE_DEVICES`` names them; none without an NVIDIA driver."""
+    present = list(gpu_uuids())
+    if "CUDA_VISIBLE_DEVICES" not in environment:
+        return present
+    return [name.strip() for name in environment["CUDA_VISIBLE_DEVICES"].split(",") if name.strip()] if present else []
+
+
+def worker_environments(workers: int, gpus: Sequence[str]) -> dict[str, dict[str, str]]:
+    """What each worker's environment adds to that of this process, by the worker's name.
+
+    Args:
+        workers: how many for each GPU, or in all where there is none.
+        gpus: as `visible_gpus` gives them.
+    """
+    if not gpus:
+        return {f"cpu-{i}": {} for i in range(workers)}
+    shared = {"XLA_PYTHON_CLIENT_PREALLOCATE": "false"}  # the first one would take most of the memory
+    # The first workers of all GPUs come before the second ones, so that the longest runs spread over the GPUs.
+    return {f"gpu-{gpu}-{i}": {"CUDA_VISIBLE_DEVICES": gpu, **shared} for i in range(workers) for gpu in gpus}
+
+
+@contextmanager
+def multi_process_service(wanted: bool) -> Iterator[dict[str, str]]:
+    """NVIDIA's MPS for as long as the block lasts, if it is there and none runs; yields what clients need of it."""
+    control = shutil.which("nvidia-cuda-mps-control")
+    if not wanted or control is None or "CUDA_MPS_PIPE_DIRECTORY" in os.environ:
+        yield {}
+        return
+    with tempfile.TemporaryDirectory(prefix="mps-") as folder:
+        places = {"CUDA_MPS_PIPE_DIRECTORY": f"{folder}/pipe", "CUDA_MPS_LOG_DIRECTORY": f"{folder}/log"}
+        for place in places.values():
+            Path(place).mkdir()
+        environment = os.environ | places
+        if subprocess.run([control, "-d"], env=environment).returncode:
+            print("MPS does not start; the processes of a GPU take turns instead")
+            yield {}
+            return
+        try:
+            yield places
+        finally:
+            subprocess.run([control], input="quit\n", text=True, env=environment)
+
+
+def launch(
+    command: Sequence[str],
+    environments: Mapping[str, Mapping[str, str]],
+    logs: Path,
+    progress: Callable[[], str],
+    stopped: Callable[[], bool],
+    say: Callable[[str], None] = print,
+) -> list[str]:
+    """Run a command once for every worker until all have ended; returns the names of those that failed.
+
+    Args:
+        command: program and arguments.
+        environments: what each worker's environment adds, by name.
+        logs: folder for what each worker prints, in a file of its name.
+        progress: what the workers have come to, in a line; said whenever it changes.
+        stopped: whether the user wants to stop, which the workers are told once, like by Ctrl-C.
+        say: told of progress and of workers that fail.
+    """
+    logs.mkdir(parents=True, exist_ok=True)
+    failed: list[str] = []
+    told = 0.0
+    say(said := progress())
+    working: dict[str, subprocess.Popen[bytes]] = {}
+    with ExitStack() as files:
+        files.callback(_signal_all, working, signal.SIGINT)  # if this process fails, they end as well
+        for name, extra in environments.items():
+            log = files.enter_context((logs / f"{name}.log").open("ab"))
+            working[name] = subprocess.Popen(
+                list(command),
+                env={**os.environ, **extra},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,  # a Ctrl-C at the terminal reaches them once, through us
+            )
+        while working:
+            time.sleep(POLL)
+            for name, process in list(working.items()):
+                if process.poll() is None:
+                    continue
+                del working[name]
+                if process.returncode:
+                    failed.append(name)
+                    say(f"{name} ended with exit code {process.returncode}: see {logs / name}.log")
+            if (now := progress()) != said:
+                say(said := now)
+            if stopped() and not told:
+                told = time.monotonic()
+                _signal_all(working, signal.SIGINT)
+            if told and time.monotonic() > told + PATIENCE:
+                _signal_all(working, signal.SIGKILL)
+    return failed
+
+
+def launch_workers(
+    workers: int, arguments: Sequence[str], logs: Path, progress: Callable[[], str], stop: Stoppable
+) -> list[str]:
+    """Do a reproduction by so many processes for every GPU; returns the names of those that failed.
+
+    Args:
+        workers: how many for each GPU, or in all where there is none.
+        arguments: those of ``experiments.reproduce`` for each of them.
+        logs: folder for what they print.
+        progress: as for `launch`.
+        stop: whether the user wants to stop.
+    """
+    gpus = visible_gpus()
+    command = [sys.executable, "-m", "experiments.reproduce", *arguments]
+    with multi_process_service(workers > 1 and bool(gpus)) as clients:
+        environments = {name: {**own, **clients} for name, own in worker_environments(workers, gpus).items()}
+        print(f"{len(environments)} processes on {len(gpus) or 'no'} GPUs; what they print: {logs}")
+        return launch(command, environments, logs, progress, lambda: stop.requested)
+
+
+def _signal_all(processes: Mapping[str, subprocess.Popen[bytes]], number: signal.Signals) -> None:
+    for process in processes.values():
+        process.send_signal(number)

@@ -1,0 +1,131 @@
+"""Processes that share a reproduction: what each is given, who is told of what, and that none is left behind."""
+
+import os
+import sys
+import time
+
+import pytest
+
+from experiments.reproduction import launch
+
+NOTHING = {"a": {"NAME": "a"}, "b": {"NAME": "b"}}
+
+
+def python(text):
+    return [sys.executable, "-S", "-c", f"import os, signal, sys, time\nfrom pathlib import Path\n{text}"]
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch):
+    monkeypatch.setattr(launch, "POLL", 0.02)
+
+
+def run(command, tmp_path, environments=NOTHING, progress=lambda: "", stopped=lambda: False):
+    said = []
+    failed = launch.launch(command, environments, tmp_path / "logs", progress, stopped, said.append)
+    return failed, said
+
+
+def test_every_worker_sees_its_gpu_and_takes_memory_as_it_needs_it():
+    given = launch.worker_environments(2, ["0", "GPU-5"])
+    assert list(given) == ["gpu-0-0", "gpu-GPU-5-0", "gpu-0-1", "gpu-GPU-5-1"]
+    assert [extra["CUDA_VISIBLE_DEVICES"] for extra in given.values()] == ["0", "GPU-5"] * 2
+    assert {extra["XLA_PYTHON_CLIENT_PREALLOCATE"] for extra in given.values()} == {"false"}
+    assert launch.worker_environments(2, []) == {"cpu-0": {}, "cpu-1": {}}
+
+
+@pytest.mark.parametrize(
+    ("environment", "present", "visible"),
+    [
+        ({}, {"0": "GPU-a", "1": "GPU-b"}, ["0", "1"]),
+        ({"CUDA_VISIBLE_DEVICES": "1, GPU-a"}, {"0": "GPU-a", "1": "GPU-b"}, ["1", "GPU-a"]),
+        ({"CUDA_VISIBLE_DEVICES": ""}, {"0": "GPU-a"}, []),
+        ({"CUDA_VISIBLE_DEVICES": "0"}, {}, []),
+    ],
+)
+def test_the_gpus_are_those_that_this_process_may_use(environment, present, visible, monkeypatch):
+    monkeypatch.setattr(launch, "gpu_uuids", lambda: present)
+    assert launch.visible_gpus(environment) == visible
+
+
+def test_each_worker_runs_once_and_one_that_fails_is_told(tmp_path):
+    text = f"Path({str(tmp_path)!r}, os.environ['NAME']).touch(exist_ok=False); print('hello')\n"
+    failed, said = run(python(text + "sys.exit(3 * (os.environ['NAME'] == 'b'))"), tmp_path)
+    assert (tmp_path / "a").is_file() and (tmp_path / "b").is_file()
+    assert failed == ["b"] and any("b ended with exit code 3" in line for line in said)
+    assert (tmp_path / "logs" / "a.log").read_text() == "hello\n"
+
+
+def test_progress_is_said_when_it_changes(tmp_path):
+    command = python(f"time.sleep(0.3); Path({str(tmp_path / 'done')!r}).touch(); time.sleep(0.3)")
+    _, said = run(command, tmp_path, progress=lambda: str((tmp_path / "done").exists()))
+    assert said == ["False", "True"]
+
+
+CAREFUL = """
+Path(os.environ['FOLDER'], os.environ['NAME'] + '.ready').touch()
+try:
+    time.sleep(60)
+except KeyboardInterrupt:
+    Path(os.environ['FOLDER'], os.environ['NAME'] + '.saved').touch()
+"""
+
+
+@pytest.fixture
+def both_ready(tmp_path, monkeypatch):
+    monkeypatch.setenv("FOLDER", str(tmp_path))
+    return lambda: all((tmp_path / f"{name}.ready").exists() for name in NOTHING)
+
+
+def test_workers_save_when_the_user_wants_to_stop(tmp_path, both_ready):
+    failed, _ = run(python(CAREFUL), tmp_path, stopped=both_ready)
+    assert not failed and all((tmp_path / f"{name}.saved").exists() for name in NOTHING)
+
+
+def test_a_worker_that_does_not_heed_is_ended(tmp_path, both_ready, monkeypatch):
+    monkeypatch.setattr(launch, "PATIENCE", 0.2)
+    deaf = "signal.signal(signal.SIGINT, signal.SIG_IGN)\n" + CAREFUL
+    failed, said = run(python(deaf), tmp_path, stopped=both_ready)
+    assert sorted(failed) == ["a", "b"] and any("exit code -9" in line for line in said)
+
+
+def test_workers_end_when_what_started_them_fails(tmp_path, both_ready):
+    def broken():
+        if both_ready():
+            raise OSError("disk")
+        return ""
+
+    with pytest.raises(OSError, match="disk"):
+        run(python(CAREFUL), tmp_path, progress=broken)
+    deadline = time.monotonic() + 20
+    while not all((tmp_path / f"{name}.saved").exists() for name in NOTHING) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert all((tmp_path / f"{name}.saved").exists() for name in NOTHING)
+
+
+@pytest.fixture
+def control(tmp_path, monkeypatch):
+    """A program in the place of MPS's that writes down what it is told."""
+    program, log = tmp_path / "bin" / "nvidia-cuda-mps-control", tmp_path / "told"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\necho "$@ $CUDA_MPS_PIPE_DIRECTORY" >> {log}\n[ "$1" = -d ] || cat >> {log}\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    monkeypatch.delenv("CUDA_MPS_PIPE_DIRECTORY", raising=False)
+    return log
+
+
+def test_the_service_runs_while_it_is_needed(control):
+    with launch.multi_process_service(wanted=True) as clients:
+        pipe = clients["CUDA_MPS_PIPE_DIRECTORY"]
+        assert os.path.isdir(pipe) and control.read_text() == f"-d {pipe}\n"
+    assert control.read_text().endswith("quit\n") and not os.path.exists(pipe)
+
+
+def test_a_service_that_runs_already_or_is_not_wanted_is_left_alone(control, monkeypatch):
+    with launch.multi_process_service(wanted=False) as clients:
+        assert clients == {}
+    monkeypatch.setenv("CUDA_MPS_PIPE_DIRECTORY", "/somewhere")
+    with launch.multi_process_service(wanted=True) as clients:
+        assert clients == {}
+    assert not control.exists()
