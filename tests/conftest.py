@@ -9,6 +9,7 @@ as the session; Python looks for garbage among them less often.
 import gc
 import os
 import tempfile
+from pathlib import Path
 
 import jax
 import pytest
@@ -40,3 +41,19 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_finish() -> None:
     gc.freeze()  # what is imported by now stays
     gc.set_threshold(100_000, 20, 20)
+
+
+@pytest.fixture
+def drawn() -> None:
+    """For tests that look at a learning curve: it is drawn."""
+
+
+@pytest.fixture(autouse=True)
+def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Elsewhere it is an empty file: to draw it takes about as long as all else that a run of the fake learner does."""
+
+    def touch(metrics: object, seeds: object, target: Path, title: str = "", published: object = None) -> None:
+        target.write_bytes(b"")
+
+    if "drawn" not in request.fixturenames:
+        monkeypatch.setattr("t2tl_jax.evaluation.curves.plot_learning_curves", touch)

@@ -16,6 +16,7 @@ from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines,
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import Shared, TaskEnv
+from t2tl_jax.training.numbers import make_given, numbers_of
 from tests.agents.sizes import TRANSFORMER
 from tests.probe import DiscreteProbeEnv
 
@@ -58,6 +59,23 @@ def learner(env):
     agent, given = make(env, ONE_HOT, **sizes), env.make_params(0)
     init, iterate = jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
     return agent, lambda key: init(key, given), lambda state: iterate(state, given)
+
+
+def compiled(env, network, **changes):
+    """Agent, init and iterate of a learner, and the arguments of both; its numbers are among them, to be replaced."""
+    config = dataclasses.replace(DQN, network=network, **changes)
+    agent = make_given(make_dqn, env, config, 20, ITERATIONS)
+
+    def given(**numbers):
+        return env.make_params(0).replace(numbers=jax.tree.map(np.float32, numbers_of(config, 0.0) | numbers))
+
+    return agent, jax.jit(agent.init), jax.jit(agent.iterate), given
+
+
+@pytest.fixture(scope="module")
+def reader(env):
+    """The learner with the Transformer, whose step size is an argument of its own."""
+    return compiled(env, NETWORK, task_encoder_learning_rate=DQN.learning_rate)
 
 
 @pytest.mark.parametrize("double", [True, False])
@@ -187,13 +205,11 @@ def test_one_row_at_a_time_equals_every_row(env, head):
 @pytest.mark.parametrize(
     "network", [NETWORK, dataclasses.replace(ONE_HOT, head="bilinear"), dataclasses.replace(ONE_HOT, head="concat")]
 )
-def test_probe_is_solved(env, network):
-    agent = make(env, network)
-    given = env.make_params(0)
-    state = jax.jit(agent.init)(jax.random.key(0), given)
-    iterate = jax.jit(agent.iterate, donate_argnums=0)
+def test_probe_is_solved(env, network, request):
+    agent, init, iterate, given = request.getfixturevalue("reader") if network is NETWORK else compiled(env, network)
+    state = init(jax.random.key(0), given())
     for _ in range(ITERATIONS):
-        state, _ = iterate(state, given)
+        state, _ = iterate(state, given())
     embedding, row = jax.jit(agent.embed)(state.params, env.table), env.table.initial_row[0]
 
     @jax.jit
@@ -233,12 +249,20 @@ def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(learn
     assert four.iteration == 4  # traced once
 
 
-@pytest.mark.slow
-def test_a_frozen_encoder_stays_and_all_else_learns(env):
-    agent = make(env, dataclasses.replace(NETWORK, freeze_task_encoder=True), unroll_length=20, learning_starts=8)
-    given = env.make_params(0)
+@pytest.fixture(scope="module")
+def frozen(env):
+    """A learner with a frozen encoder whose episodes of five steps start anywhere; its state before and after once."""
+    world = TaskEnv(env.env, env.table, random_starts=1.0)
+    network = dataclasses.replace(NETWORK, freeze_task_encoder=True)
+    config = dataclasses.replace(DQN, network=network, learning_starts=8)
+    agent, given = make_dqn(world, config, episode_length=5, iterations=ITERATIONS), env.make_params(0)
     start = jax.jit(agent.init)(jax.random.key(0), given)
-    state, _ = jax.jit(agent.iterate)(start, given)
+    return agent, start, jax.jit(agent.iterate)(start, given)[0]
+
+
+@pytest.mark.slow
+def test_a_frozen_encoder_stays_and_all_else_learns(env, frozen):
+    agent, start, state = frozen
     before, after = start.params["params"], state.params["params"]
     chex.assert_trees_all_equal(after["task_encoder"], before["task_encoder"])
     for part in set(before) - {"task_encoder"}:
@@ -249,12 +273,12 @@ def test_a_frozen_encoder_stays_and_all_else_learns(env):
 
 
 @pytest.mark.slow
-def test_movement_is_measured_of_an_encoder_that_learns(env):
+def test_movement_is_measured_of_an_encoder_that_learns(reader):
     """By a step size of its own, which is far larger than that of the rest: 0."""
-    given = env.make_params(0)
-    agent = make(env, unroll_length=20, learning_starts=8, learning_rate=0.0, task_encoder_learning_rate=1e-2)
-    start = jax.jit(agent.init)(jax.random.key(0), given)
-    state, metrics = jax.jit(agent.iterate)(start, given)
+    _, init, iterate, given = reader
+    numbers = given(learning_rate=0.0, task_encoder_learning_rate=1e-2)
+    start = init(jax.random.key(0), numbers)
+    state, metrics = iterate(start, numbers)
     assert min(metrics.scalars[name] for name in ("code_change", "code_change_relative", "target_lag")) > 1e-3
     before, after = start.params["params"], state.params["params"]
     for part in before:
@@ -263,16 +287,8 @@ def test_movement_is_measured_of_an_encoder_that_learns(env):
 
 
 @pytest.mark.slow
-def test_episodes_start_over_all_of_psi(env):
-    agent = make_dqn(
-        TaskEnv(env.env, env.table, random_starts=1.0),
-        dataclasses.replace(DQN, network=ONE_HOT, unroll_length=25, learning_starts=10_000),
-        episode_length=5,
-        iterations=20,
-    )
-    given = env.make_params(0)
-    start = jax.jit(agent.init)(jax.random.key(0), given)
-    state, _ = jax.jit(agent.iterate)(start, given)
+def test_episodes_start_over_all_of_psi(env, frozen):
+    _, _, state = frozen
     row = np.asarray(state.buffer.experience.row).reshape(-1)[: 25 * 8].reshape(25, 8)
     ended = np.asarray(state.buffer.experience.cut).reshape(-1)[: 25 * 8].reshape(25, 8)
     firsts = np.concatenate([row[0], row[1:][ended[:-1]]])  # behind a time limit begins a new episode

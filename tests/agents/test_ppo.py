@@ -86,15 +86,15 @@ def test_exploration_noise_keeps_its_variance_and_correlation(rollout):
 @pytest.mark.slow
 def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
     table, network = env.table, ActorCritic(NETWORK, env.action_size)
-    keys = jax.random.split(jax.random.key(0), 6)
-    size = 128
+    rng, size = np.random.default_rng(0), 128
+    normal = rng.normal(size=(size, 7)).astype(np.float32)
     batch = Batch(
-        obs=jax.random.normal(keys[0], (size, 3)),
-        row=jax.random.randint(keys[1], (size,), 0, table.num_rows),
-        action=jax.random.normal(keys[2], (size, 1)),
-        log_prob=jax.random.normal(keys[3], (size,)) - 1,
-        value=jax.random.normal(keys[4], (size,)),
-        advantage=jax.random.normal(keys[5], (size,)),
+        obs=jnp.array(normal[:, :3]),
+        row=jnp.array(rng.integers(0, table.num_rows, size, np.int32)),
+        action=jnp.array(normal[:, 3:4]),
+        log_prob=jnp.array(normal[:, 4] - 1),
+        value=jnp.array(normal[:, 5]),
+        advantage=jnp.array(normal[:, 6]),
     )
     init = jax.jit(partial(network.init, method="initialise"))
     params = init(jax.random.key(1), table, batch.obs, batch.row)

@@ -42,14 +42,16 @@ def env(request) -> ZoneEnv:
 
 @pytest.fixture(scope="session")
 def drive(env):
-    """``(qpos [n, 3], action [n, 2]) -> State [250, n]``: five seconds from rest under held actions, for n up to 8.
+    """``(qpos [n, 3], action [n, 2]) -> State [250, n]``: five seconds under held actions, for n up to 8.
+
+    From rest, or from velocities ``[n, 3]`` as a third argument.
 
     One compiled program serves every test that needs a trajectory, because compiling MJX is what these tests wait for.
     """
 
     @jax.jit
-    def run(qpos, actions):
-        states = jax.vmap(env.reset_to, in_axes=(0, None))(qpos, jnp.zeros(3))
+    def run(qpos, actions, qvel):
+        states = jax.vmap(env.reset_to)(qpos, qvel)
 
         def step(states, _):
             states = jax.vmap(env.step)(states, actions)
@@ -57,9 +59,10 @@ def drive(env):
 
         return jax.lax.scan(step, states, None, length=250)[1]
 
-    def padded(qpos, actions):
+    def padded(qpos, actions, qvel=()):
         count = len(qpos)
-        fill = [jnp.zeros((8, width)).at[:count].set(a) for width, a in ((3, jnp.array(qpos)), (2, jnp.array(actions)))]
+        given = ((3, qpos), (2, actions), (3, qvel))
+        fill = [jnp.zeros((8, width)).at[: len(a)].set(jnp.array(a).reshape(-1, width)) for width, a in given]
         return jax.tree.map(lambda x: np.asarray(x[:, :count]), run(*fill))
 
     return padded

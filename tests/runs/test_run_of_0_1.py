@@ -86,7 +86,7 @@ def test_it_is_compared(run, finished, capsys):
     assert "learner=FakeConfig" in new and "env=FakeEnvConfig" in new
 
 
-def test_its_curve_is_drawn(run):
+def test_its_curve_is_drawn(run, drawn):
     assert plot.main([str(run)]) == 0
     assert RunFolder(run).curves.stat().st_size > 10_000
 

@@ -3,12 +3,14 @@
 import csv
 import json
 import shutil
+from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 from PIL import Image
 
+from experiments import run
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.folder import open_existing
@@ -31,7 +33,7 @@ def assert_same_run(one, other):
     jax.tree.map(np.testing.assert_array_equal, left, right)
 
 
-def test_files_of_a_run(train, read_json):
+def test_files_of_a_run(train, read_json, drawn):
     folder = train("--frames", "1e3", "--seeds", "0,5", "--run.evaluation-episodes", "20")
     assert read_json(folder / "config.json")["frames"] == 1000
     assert read_json(folder / "versions.json")["started"]["packages"]["jax"] == jax.__version__
@@ -56,31 +58,34 @@ def test_frames_are_rounded_up_and_explained(train, capsys):
     assert restored(folder)[0] == 3
 
 
+@pytest.fixture(scope="module")
+def long(tmp_path_factory):
+    """A run of two seeds and twelve iterations that nothing disturbed. Not to be changed."""
+    base = tmp_path_factory.mktemp("long")
+    flags = ["--config", "fake", "--run.folder", str(base), "--frames", "1200", "--seeds", "2"]
+    assert run.main([*flags, "--run.evaluation-episodes", "0"]) == 0
+    (folder,) = (base / "fake").iterdir()
+    return folder
+
+
 @pytest.mark.slow
-def test_training_longer_equals_training_long(train, resume):
-    long = train("--frames", "1200", "--seeds", "2", "--run.evaluation-episodes", "0")
+def test_training_longer_equals_training_long(long, train, resume):
+    """Also after a process that was killed before its next checkpoint, whose rows behind the last one are dropped."""
     short = train("--frames", "600", "--seeds", "2", "--run.evaluation-episodes", "0")
-    assert resume(short, "--frames", "1200") == 0
-    assert_same_run(long, short)
+    killed = Path(shutil.copytree(short, short.parent / "killed"))
+    with (killed / "metrics.csv").open("a") as file:
+        file.write("7,700,0,1,1,0,0,0,0.5,10,7,0.1,0.2\n7,700,1,1,1,0,0,0,0.5,10,7,0.1,0.2\n8,800,0,1")
+    for folder in (short, killed):
+        assert resume(folder, "--frames", "1200") == 0
+        assert_same_run(long, folder)
 
 
 @pytest.mark.slow
-def test_rows_after_the_checkpoint_are_dropped_on_resume(train, resume):
-    long = train("--frames", "1200", "--run.evaluation-episodes", "0")
-    short = train("--frames", "600", "--run.evaluation-episodes", "0")
-    with (short / "metrics.csv").open("a") as file:  # as left by a process killed before its next checkpoint
-        file.write("7,700,0,1,1,0,0,0,0.5,10,7,0.1,0.2\n8,800,0,1")
-    assert resume(short, "--frames", "1200") == 0
-    assert_same_run(long, short)
-
-
-@pytest.mark.slow
-def test_a_run_without_checkpoint_starts_over(train, resume):
-    whole = train("--frames", "500", "--run.evaluation-episodes", "0")
-    broken = train("--frames", "500", "--run.evaluation-episodes", "0")
+def test_a_run_without_checkpoint_starts_over(long, resume, tmp_path):
+    broken = Path(shutil.copytree(long, tmp_path / "broken"))
     shutil.rmtree(broken / "checkpoints")
     assert resume(broken) == 0
-    assert_same_run(whole, broken)
+    assert_same_run(long, broken)
 
 
 @pytest.mark.slow
