@@ -1,11 +1,10 @@
 """How fast an environment is: random actions, observation, labels, progression and automatic reset in one scan."""
 
-import statistics
-import time
 from dataclasses import dataclass
 
 import jax
 
+from experiments.benchmarks.timing import compiled, rate
 from t2tl_jax.env import State
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.unroll import Episode, Player, begin, unroll
@@ -59,15 +58,12 @@ def measure(env: TaskEnv, num_envs: int, steps: int, repeats: int, episode_lengt
     spread = jax.jit(lambda params, key: begin(env, params, key, num_envs, episode_length, staggered=True))
     episodes = spread(env_params, jax.random.key(0))  # resets spread over time
 
-    started = time.perf_counter()
-    compiled = jax.jit(run, donate_argnums=0).lower(episodes, env_params, jax.random.key(0)).compile()
-    compile_s = time.perf_counter() - started
+    program, costs = compiled(lambda: jax.jit(run, donate_argnums=0).lower(episodes, env_params, jax.random.key(0)))
 
-    seconds = []
-    for repeat in range(repeats + 1):
-        started = time.perf_counter()
-        episodes, total = compiled(episodes, env_params, jax.random.key(repeat))
-        jax.block_until_ready((episodes, total))
-        seconds.append(time.perf_counter() - started)
-    speeds = [num_envs * steps / s for s in seconds[1:]]  # the first call warms up
-    return Speed(compile_s, statistics.median(speeds), min(speeds), max(speeds))
+    def call() -> jax.Array:
+        nonlocal episodes
+        episodes, total = program(episodes, env_params, jax.random.key(0))
+        return total
+
+    speed = rate(call, num_envs * steps, repeats)
+    return Speed(costs.trace_s + costs.compile_s, speed.median, speed.slowest, speed.fastest)

@@ -1,9 +1,13 @@
-"""Mistakes in the arguments of the benchmarks of DQN and of the LTL compiler are answered before any measurement."""
+"""Benchmarks: mistakes in arguments are answered before any measurement, and what is measured is kept and compared."""
 
 import pytest
 
+import tests.fake_learner  # noqa: F401, the configuration `fake`
+from experiments import benchmark
 from experiments.benchmarks import dqn as benchmark_dqn
+from experiments.benchmarks import env, measured
 from experiments.benchmarks import ltl as benchmark_ltl
+from experiments.benchmarks.timing import Costs, Rate
 
 
 @pytest.mark.parametrize(
@@ -28,3 +32,65 @@ def test_mistakes_are_explained(command, flags, said, capsys):
 def test_compiler_is_timed(capsys):
     assert benchmark_ltl.main(["--families", "phi_water", "Sequence_2_2", "--draws", "2"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[-2:]] == ["phi_water", "Sequence_2_2"]
+
+
+# ----- everything in one command -----
+
+
+def measured_rows(scale):
+    rate = Rate(100.0 * scale, 90.0 * scale, 110.0 * scale)
+    return [
+        measured.row(
+            "training", "zone_ppo:t1tl", "1 seed", "frames/s", rate, Costs(1.0, 2.0, 3.0, 4.0, 5.0), acting_share=0.25
+        ),
+        measured.row("environments", "zones, mjx", "8 at once", "steps/s", rate, None),
+    ]
+
+
+def test_what_was_measured_is_read_again_and_compared(tmp_path):
+    measured.write(tmp_path / "a.json", {"devices": ["cpu"]}, {}, measured_rows(1.0))
+    where, rows = measured.read(tmp_path / "a.json")
+    assert where == {"devices": ["cpu"]} and rows == measured_rows(1.0)
+    assert "| 25% |" in measured.table(rows) and "1.0 + 2.0 s" in measured.table(rows)
+    for scale, said in ((1.1, "within spread"), (2.0, "faster"), (0.5, "slower")):
+        lines = measured.against(measured_rows(scale), rows).splitlines()[2:]
+        assert len(lines) == 2 and all(f"{scale:.2f}" in line and said in line for line in lines)
+    assert measured.against(rows[:1], rows[1:]) == "Nothing here was measured there."
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[]", "{}", '{"version": 1, "where": {}, "rows": [{"part": 1}]}', '{"version": 9}']
+)
+def test_a_file_that_is_none_is_refused_before_anything_is_timed(content, tmp_path, capsys):
+    (tmp_path / "b.json").write_text(content)
+    assert benchmark.main(["--against", str(tmp_path / "b.json")]) == 2
+    assert "b.json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--trainings", "zone_pp"], "zone_ppo"),
+        (["--trainings", "zone_ppo:t1tl:mjx:x"], "CONFIG:METHOD:PHYSICS"),
+        (["--trainings", "waterworld_dqn:rm:mjx"], "no choice of physics"),
+        (["--seeds", "0"], "at least 1"),
+        (["--json", "nowhere/x.json"], "there is no folder nowhere"),
+    ],
+)
+def test_mistakes_are_answered_before_anything_is_timed(flags, said, capsys):
+    assert benchmark.main(flags) == 2
+    printed = capsys.readouterr()
+    assert printed.err.startswith("error: ") and said in printed.err and "##" not in printed.out
+
+
+def test_every_part_is_timed(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(env, "PHYSICS", {"letterworld": ("grid",)})
+    monkeypatch.setattr(benchmark, "TASKS", ("phi_zone",))
+    small = ["--num-envs", "4", "--rows", "8", "--steps", "5", "--repeats", "2", "--seeds", "2", "--trainings", "fake"]
+    assert benchmark.main([*small, "--json", str(tmp_path / "c.json")]) == 0
+    where, rows = measured.read(tmp_path / "c.json")
+    assert [row.part for row in rows] == ["progression", "environments", "training"] and where["packages"]["jax"]
+    assert all(0 < row.slowest <= row.rate <= row.fastest for row in rows)
+    training = rows[-1]
+    assert training.size == "2 seeds" and training.memory_mib > 0 and training.acting_share > 0
+    assert "## training" in capsys.readouterr().out

@@ -1,0 +1,247 @@
+"""Five hundred pieces of nonsense: each ends with exit code 0 or 2 and a message, soon, and leaves runs as they were.
+
+The examples are the same every time. More of them: set EXAMPLES to a factor, as in
+``EXAMPLES=20 python -m pytest tests/experiments/test_fuzz.py``.
+"""
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import tests.fake_learner  # noqa: F401
+from experiments import evaluate, run
+from t2tl_jax.errors import UserError
+from t2tl_jax.ltl import named_machines
+from t2tl_jax.ltl.__main__ import main as show_task
+from t2tl_jax.registry import named_config
+from t2tl_jax.runs import config_files
+
+FACTOR = float(os.environ.get("EXAMPLES", "1"))
+SOON = 30.0
+"""Seconds that one example may take; most take hundredths."""
+
+
+def examples(count):
+    kept = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large]
+    return settings(
+        max_examples=round(count * FACTOR), deadline=None, derandomize=True, database=None, suppress_health_check=kept
+    )
+
+
+def said(command, *texts):
+    """Exit code and what was printed to standard error, where a traceback would show."""
+    errors, begin = io.StringIO(), time.monotonic()
+    with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
+        code = command(list(texts))
+    assert time.monotonic() - begin < SOON, texts
+    return code, errors.getvalue()
+
+
+def is_polite(code, errors):
+    """Done, or refused in words."""
+    return code == 0 or (code == 2 and errors.strip() and "Traceback" not in errors)
+
+
+PIECES = [
+    "F",
+    "G",
+    "X",
+    "U",
+    "!",
+    "&",
+    "|",
+    "(",
+    ")",
+    "->",
+    "<->",
+    "true",
+    "false",
+    "a",
+    "b",
+    "Red",
+    " ",
+    "é",
+    "'",
+    "\\",
+]
+
+
+@st.composite
+def edited(draw, originals, pieces=PIECES):
+    """A sound text of which some pieces are lost, doubled, moved or replaced."""
+    text = list(draw(st.sampled_from(originals)))
+    for _ in range(draw(st.integers(1, 6))):
+        at = draw(st.integers(0, len(text)))
+        new = draw(st.one_of(st.sampled_from(pieces), st.text(max_size=3)))
+        kind = draw(st.sampled_from(["insert", "cut", "replace", "double"]))
+        end = min(len(text), at + draw(st.integers(0, 8)))
+        text[at:end] = {"insert": [new, *text[at:end]], "cut": [], "replace": [new], "double": text[at:end] * 2}[kind]
+    return "".join(text)
+
+
+FORMULAS = [
+    "!Red U (Black & F White)",
+    "F(a & (!b U (c | d)))",
+    "(!a U b) & (!c U d) & F(e & X f)",
+    "F(a -> b) | (a <-> X X b)",
+    "phi_water",
+    "phi_zone_prime",
+    "(" * 30 + "F a" + ")" * 30,
+]
+
+
+@given(edited(FORMULAS) | st.text(max_size=40) | st.lists(st.sampled_from(PIECES), max_size=25).map(" ".join))
+@examples(220)
+def test_formulas(text):
+    assert is_polite(*said(show_task, "--max-rows", "2000", "--", text))
+
+
+MACHINES = [str(named_machines(name)[0]) for name in ("rm_t1", "rm_t5", "rm_t10_published")]
+
+
+@given(edited(MACHINES, [*PIECES, "->", "\n", "state", ":", "1e999", "nan", "-", "# "]))
+@examples(100)
+def test_reward_machines(text):
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "machine.rm")
+        file.write_bytes(text.encode(errors="replace"))
+        assert is_polite(*said(show_task, "--max-rows", "2000", str(file)))
+
+
+NONSENSE = st.sampled_from(
+    [None, True, -1, 0, 1e308, float("nan"), float("inf"), 2**63, "", "x", "../..", [], {}, [[]]]
+)
+
+
+@st.composite
+def changed(draw, content):
+    """JSON with a few values replaced, lost or added somewhere."""
+    content = json.loads(json.dumps(content))
+    for _ in range(draw(st.integers(1, 3))):
+        at = content
+        while isinstance(at, dict) and at:
+            key = draw(st.sampled_from(sorted(at)))
+            if not isinstance(at[key], dict) or not at[key] or draw(st.integers(0, 3)) == 0:
+                kind = draw(st.sampled_from(["replace", "replace", "lose", "add"]))
+                if kind == "lose":
+                    del at[key]
+                else:
+                    at[key if kind == "replace" else key + "_"] = draw(NONSENSE)
+                break
+            at = at[key]
+    return content
+
+
+CONFIGS = [json.loads(config_files.to_json(named_config(name))) for name in ("zone_ppo", "waterworld_dqn", "water_any")]
+
+
+@given(st.sampled_from(CONFIGS).flatmap(changed))
+@examples(100)
+def test_configurations(content):
+    try:
+        config = config_files.from_json(json.dumps(content), "config.json")
+    except UserError as error:
+        assert str(error).strip()
+    else:
+        assert config_files.from_json(config_files.to_json(config), "again") == config
+
+
+FLAGS = ["frames", "task", "seeds", "learner.discount", "learner.rate", "episode-length", "random-starts", "labels"]
+FLAGS += [
+    "pool.size",
+    "run.evaluation-episodes",
+    "run.checkpoint-period",
+    "selection.points",
+    "learnr.rate",
+    "until-solved",
+]
+VALUES = [
+    "-1",
+    "0",
+    "nan",
+    "inf",
+    "1e400",
+    "",
+    "x",
+    "0.5",
+    "100",
+    "None",
+    "True",
+    "1,1",
+    "3,",
+    "F(a)",
+    "F Red",
+    "--seeds",
+    "😀",
+]
+
+
+@given(st.lists(st.tuples(st.sampled_from(FLAGS), st.sampled_from(VALUES)), min_size=1, max_size=3))
+@examples(60)
+def test_overrides(pairs):
+    flags = [text for flag, value in pairs for text in (f"--{flag}", value)]
+    with tempfile.TemporaryDirectory() as folder:
+        own = ["--config", "fake", "--frames", "100", "--run.evaluation-episodes", "0", "--run.folder", folder]
+        code, errors = said(run.main, *own, *flags)
+        assert is_polite(code, errors), (flags, errors)
+        assert code == 0 or not any(Path(folder).rglob("metrics.csv")), flags  # refused before anything was written
+
+
+def digests(folder):
+    return {
+        str(file.relative_to(folder)): hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in sorted(folder.rglob("*"))
+        if file.is_file() and file.name != ".lock"
+    }
+
+
+@st.composite
+def damage(draw):
+    """(which file, counted round, what becomes of it)."""
+    share = draw(st.floats(0, 1))
+    byte = draw(st.integers(0, 255))
+    kind = draw(st.sampled_from(["cut", "flip", "empty", "lose", "folder", "text"]))
+    return draw(st.integers(0, 200)), kind, share, byte
+
+
+def spoil(folder, number, kind, share, byte):
+    files = [file for file in sorted(folder.rglob("*")) if file.is_file() and file.name != ".lock"]
+    file = files[number % len(files)]
+    content = file.read_bytes()
+    at = int(share * len(content))
+    if kind in ("lose", "folder"):
+        file.unlink()
+        if kind == "folder":
+            file.mkdir()
+        return
+    flipped = content[:at] + bytes([byte]) + content[at + 1 :]
+    file.write_bytes({"cut": content[:at], "flip": flipped, "empty": b"", "text": b'{"a": [1, 2'}[kind])
+
+
+@pytest.mark.parametrize("command", ["resume", "evaluate"])
+def test_run_folders(finished_run, command):
+    @given(damage())
+    @examples(10)
+    def one(how):
+        with tempfile.TemporaryDirectory() as base:
+            folder = Path(shutil.copytree(finished_run, Path(base, "run")))
+            spoil(folder, *how)
+            before = digests(folder)
+            if command == "resume":
+                code, errors = said(run.main, "--resume", str(folder), "--frames", "300")
+            else:
+                code, errors = said(evaluate.main, str(folder), "--episodes", "2")
+            assert is_polite(code, errors), (how, code, errors)
+            assert code == 0 or digests(folder) == before, how
+
+    one()
