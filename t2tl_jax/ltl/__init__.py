@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from t2tl_jax.ltl.compiler.alphabet import ALPHABETS, AT_MOST_ONE, EVERY_SUBSET
 from t2tl_jax.ltl.compiler.automaton import Automaton
+from t2tl_jax.ltl.compiler.budget import Limits
 from t2tl_jax.ltl.compiler.normal_form import negation_normal_form
 from t2tl_jax.ltl.curriculum import DEEPLTL_ZONES, Curriculum, Stage
 from t2tl_jax.ltl.errors import (
@@ -78,6 +79,7 @@ __all__ = [
     "Formula",
     "LTLError",
     "LTLSyntaxError",
+    "Limits",
     "Listed",
     "MachineSyntaxError",
     "Mixture",

@@ -64,7 +64,7 @@ class AutomatonTaskEncoder(nn.Module):
         """float32[rows, config.output], in (-1, 1)."""
         config = self.config
         labels = every_label(table)
-        next_row = table.next_row[:, table.letter(jnp.asarray(labels))]
+        next_row, _ = table.step_all(table.letter(jnp.asarray(labels)))
         verdict = jax.nn.one_hot(table.verdict + 1, 3)
         stays = (next_row == np.arange(table.num_rows)[:, None])[..., None].astype(jnp.float32)
         start = nn.Dense(config.width, kernel_init=unit_norm(), name="verdict")(verdict)

@@ -51,20 +51,6 @@ class LookaheadConfig(TaskEncoderConfig):
         return jnp.swapaxes(told, -1, -2), code[..., -1:]
 
 
-def distance_to_true(table: TaskTable) -> jax.Array:
-    """The fewest letters that make each row true: int32[rows], `num_rows` where no letters do."""
-    never = table.num_rows
-    start = jnp.where(table.verdict > 0, 0, never).astype(jnp.int32)
-
-    def nearer(found: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        distance, _ = found
-        after = distance[table.next_row].min(axis=-1) + 1
-        closer = jnp.where(table.verdict == 0, jnp.minimum(distance, after), distance)
-        return closer, (closer < distance).any()
-
-    return jax.lax.while_loop(lambda found: found[1], nearer, (start, jnp.bool_(True)))[0]
-
-
 class LookaheadTaskEncoder(nn.Module):
     """Per row and for each of some steps along the shortest way to true: per proposition, 1 if it alone makes the row
     false, and 1 if it alone brings the row nearer to true; then the distance, in letters.
@@ -84,13 +70,11 @@ class LookaheadTaskEncoder(nn.Module):
                 f"a look-ahead with room for {config.propositions} propositions cannot tell the {count} of this "
                 f"environment apart; set task_encoder.propositions to {count} or more"
             )
-        distance = distance_to_true(table)
+        distance = table.distance_to_true()
         alone = table.letter(jnp.eye(count, dtype=bool))
-        shortest = jnp.take_along_axis(
-            table.next_row, distance[table.next_row].argmin(axis=-1, keepdims=True), axis=-1
-        )[:, 0]
+        shortest = table.nearest_to_true(distance)
         is_open = (table.verdict == 0)[:, None]
-        after = table.next_row[:, alone]  # [rows, P]
+        after, _ = table.step_all(alone)  # [rows, P]
         fails = is_open & (table.verdict[after] < 0)
         nears = is_open & (distance[after] < distance[:, None])
         room = ((0, 0), (0, config.propositions - count))
