@@ -81,13 +81,13 @@ def compile_pool(
         builder.add(draw(rng))
     if len(builder.initial_row) >= (size if least is None else least):
         return builder.table()
+    wide = f"{builder.too_wide} too many nodes for the {blank.room[-1]} of their letters, " if blank.room[1:] else ""
     raise TooLargeError(
         f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {DRAWS_PER_TASK * size} draws: '
         f"{builder.too_long} had a row of more than {length} tokens, {builder.too_many} too many states for the "
-        f"{rows} rows together, {builder.too_wide} too many nodes for the {blank.room[-1]} of their letters, "
-        f"{builder.repeated} came twice, {builder.kept_out} belong to another pool, "
+        f"{rows} rows together, {wide}{builder.repeated} came twice, {builder.kept_out} belong to another pool, "
         f"{builder.entangled} have too many propositions that play the same part to be compared with what is held out; "
-        "raise the caps on tokens, rows and nodes, or ask for fewer formulas"
+        f"raise the caps on tokens and rows{' and nodes' * bool(wide)}, or ask for fewer formulas"
     )
 
 

@@ -396,7 +396,10 @@ def _to_table(automaton: Automaton, length: int | None, limits: Limits) -> TaskT
     if length is None:
         length = longest
     elif length < longest:
-        raise TooLargeError(f"the longest row has {longest} tokens and does not fit into length={length}")
+        raise TooLargeError(
+            f"the longest row has {longest} tokens and does not fit into length={length}: give {longest} or more, or "
+            f"none (of a run --task-length {longest}, or 0)"
+        )
     tokens = np.zeros((len(automaton.tokens), length), np.int32)
     for index, row in enumerate(automaton.tokens):
         tokens[index, : len(row)] = row

@@ -156,4 +156,4 @@ def _pool(config: Config, env: LabelledEnv, which: str, **kept_out: Any) -> Task
             **kept_out,
         )
     except TooLargeError as error:
-        raise TooLargeError(f"{error}; the fields: pool.length, pool.rows, pool.nodes, pool.size") from error
+        raise TooLargeError(f"{error}; the fields: pool.length, pool.rows, pool.size, pool.nodes") from error

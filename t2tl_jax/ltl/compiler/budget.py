@@ -10,7 +10,7 @@ WORK_PER_ROW = 7_500
 WORK_PER_TASK = 500_000
 """What each task adds, so that a table of many small tasks is not refused for its number."""
 
-DEEPEST = 800
+DEEPEST = 500
 """Most propositions at all: diagrams are as deep as this, and read by functions that call themselves."""
 
 
@@ -29,7 +29,7 @@ class Limits:
     max_work: int = 0
     """Units of work, some 0.2 microseconds each; 0 for 7,500 for every row of max_rows and 500,000 for every task."""
     max_propositions: int = 200
-    """Propositions that the tasks may use, at most 800; of the alphabet "every_subset" never more than 31."""
+    """Propositions that the tasks may use, at most 500; of the alphabet "every_subset" never more than 31."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

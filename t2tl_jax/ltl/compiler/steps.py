@@ -193,12 +193,11 @@ class Folding:
 
         Once for every `j`, lower ones first: equal pairs of one call become one node.
         """
-        pairs = np.stack([low, high])[:, ~same]
-        found, inverse = np.unique(pairs, axis=1, return_inverse=True)
         result = low.astype(np.int64)
-        result[~same] = self._size + inverse.reshape(-1)
-        self._parts.append(np.concatenate([np.full((1, found.shape[1]), j), found]))
-        self._size += found.shape[1]
+        pairs, inverse = np.unique(result[~same] * self._size + high[~same], return_inverse=True)
+        result[~same] = self._size + inverse
+        self._parts.append(np.stack([np.full(len(pairs), j), *np.divmod(pairs, self._size)]))
+        self._size += len(pairs)
         return result
 
     def steps(self, root: np.ndarray, propositions: int, alphabet: str) -> Steps:
