@@ -269,7 +269,7 @@ def test_a_large_table_is_described_by_what_its_rows_read():
 
 def test_more_than_an_int32_can_hold_is_refused():
     names = tuple(f"p{i}" for i in range(32))
-    with pytest.raises(TooLargeError, match=r"32 propositions are used, and .* room for 31.* at_most_one"):
+    with pytest.raises(TooLargeError, match=r"32 propositions are used, and a letter .* room for 31.* at_most_one"):
         compile_tasks("F(" + " & ".join(names) + ")", names)
     table = compile_tasks("F(" + " & ".join(names[1:]) + ")", names)
     letter = table.letter(jnp.ones(32, bool))
