@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.ltl.ahead import best_worth
 
 TOLERANCE = 1e-7
 """Value iteration stops when no value changes by more, as published, or when it cannot change by more."""
@@ -28,8 +29,7 @@ def potential(table: TaskTable, discount: float | jax.Array) -> jax.Array:
 
     def improve(carry: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
         value, _, count = carry
-        worth = table.value_of_outcomes(value, discount)
-        better = jnp.where(table.is_open, worth[table.best_outcome(worth)], 0.0)
+        better = jnp.where(table.is_open, best_worth(table, value, discount), 0.0)
         return better, jnp.abs(better - value).max(), count + 1
 
     most = jnp.maximum(1.0, jnp.ceil(jnp.log(TOLERANCE) / jnp.log(discount)))  # of a discount of 0 the quotient is 0

@@ -33,19 +33,19 @@ def describe(automaton: Automaton) -> str:
 
 def successors(automaton: Automaton, row: int) -> list[int]:
     """Return the rows that some letter leads to, the row itself first."""
-    targets = {outcome % len(automaton.verdict) for outcome in automaton.steps.outcomes_of(row)}
+    targets = {outcome % automaton.stride for outcome in automaton.steps.outcomes_of(row)}
     return sorted(targets, key=lambda target: (target != row, target))
 
 
 def transitions(automaton: Automaton, row: int) -> list[tuple[int, str]]:
     """Return the rows that some letter leads to and when; for reward machines, one entry per reward (`guard / 1`)."""
-    found, rows = [], len(automaton.verdict)
+    found, stride = [], automaton.stride
     for target in successors(automaton, row):
-        outcomes = [outcome for outcome in automaton.steps.outcomes_of(row) if outcome % rows == target]
+        outcomes = [outcome for outcome in automaton.steps.outcomes_of(row) if outcome % stride == target]
         if automaton.pays is None:
             found.append((target, guard(automaton, row, outcomes)))
             continue
-        for reward, outcome in sorted((float(automaton.pays[outcome // rows]), outcome) for outcome in outcomes):
+        for reward, outcome in sorted((float(automaton.pays[outcome // stride]), outcome) for outcome in outcomes):
             pays = f" / {reward:g}" if reward else ""
             found.append((target, guard(automaton, row, [outcome]) + pays))
     return found

@@ -10,9 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from t2tl_jax.ltl import lookup
 from t2tl_jax.ltl import tokens as vocabulary
 from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
-from t2tl_jax.ltl.compiler.automaton import Automaton, build
+from t2tl_jax.ltl.compiler.automaton import Automaton, build, stride
 from t2tl_jax.ltl.compiler.budget import Limits
 from t2tl_jax.ltl.compiler.machine_automaton import build_machines
 from t2tl_jax.ltl.compiler.parts import check_entries, fitting_cuts, read, room_for, written
@@ -44,7 +45,7 @@ class TaskTable:
         propositions: the environment's propositions, in its order (static).
         alphabet: "every_subset" or "at_most_one" (static).
         pays: float32 `[rewards]`, what the transitions of reward machines pay; None where the verdict is the reward.
-            An outcome is a row; for reward machines it is row number `outcome % rows` with `pays[outcome // rows]`.
+            An outcome is a row; for reward machines it is the row `outcome % stride` with `pays[outcome // stride]`.
         states: names of the rows of reward machines, empty for formulas (static).
     """
 
@@ -79,7 +80,7 @@ class TaskTable:
 
     def progress(self, row: jax.Array, letter: jax.Array) -> jax.Array:
         """Return the rows int32 `[...]` that follow `row` after `letter` (both int32 `[...]`)."""
-        return self._row_of(self._outcome(row, letter))
+        return self._row_of(lookup.outcome(self.branches, self.num_outcomes, row, letter))
 
     def reward(self, row: jax.Array) -> jax.Array:
         """Return float32 `[...]`: +1 for a true row, -1 for a false one, 0 while the task is open.
@@ -101,7 +102,7 @@ class TaskTable:
         Returns:
             int32 `[...]` and float32 `[...]`.
         """
-        return self._meaning(self._outcome(row, letter))
+        return self.meaning(lookup.outcome(self.branches, self.num_outcomes, row, letter))
 
     def step_all(self, letter: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Return what `step` gives from every row: one transition seen by all tasks and sub-tasks at once.
@@ -114,78 +115,21 @@ class TaskTable:
         Returns:
             int32 `[rows, ...]` and float32 `[rows, ...]`, row k for the task state k.
         """
-        # All rows of a letter lie side by side: what is read does not grow with the number of letters.
-        at = jnp.moveaxis(self.branches[0][self._values(letter)[0]], -1, 0)
-        return self._meaning(self._rest(at, letter))
-
-    def best_outcome(self, value: jax.Array) -> jax.Array:
-        """Return the outcome with the greatest value that one letter can lead to, that of the first such letter.
-
-        Args:
-            value: `[outcomes]`, of every outcome; see `pays`.
-
-        Returns:
-            int32 `[rows]`.
-        """
-        best = every = jnp.arange(self.num_outcomes, dtype=jnp.int32)
-        for branch in reversed(self.branches):
-            leads_to = best[branch]  # [values, nodes]
-            first = value[leads_to].argmax(axis=0)
-            best = jnp.concatenate([every, jnp.take_along_axis(leads_to, first[None], axis=0)[0]])
-        return best[self.num_outcomes :]
-
-    def distance_to_true(self) -> jax.Array:
-        """Return the fewest letters that make each row true: int32 `[rows]`, `num_rows` where no letters do."""
-        never = self.num_rows
-        start = jnp.where(self.verdict > 0, 0, never).astype(jnp.int32)
-
-        def nearer(found: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-            distance, _ = found
-            after = distance[self.nearest_to_true(distance)] + 1
-            closer = jnp.where(self.verdict == 0, jnp.minimum(distance, after), distance)
-            return closer, (closer < distance).any()
-
-        return jax.lax.while_loop(lambda found: found[1], nearer, (start, jnp.bool_(True)))[0]
-
-    def nearest_to_true(self, distance: jax.Array) -> jax.Array:
-        """Return the row int32 `[rows]` with the least distance (int32 `[rows]`) that one letter can lead to, that of
-        the first such letter."""
-        of_outcome = distance if self.pays is None else jnp.tile(distance, len(self.pays))
-        return self._row_of(self.best_outcome(-of_outcome))
-
-    def value_of_outcomes(self, value: jax.Array, discount: float | jax.Array) -> jax.Array:
-        """Return what each outcome is worth, float32 `[outcomes]`: what it pays and the discounted value of its row."""
-        row, reward = self._meaning(jnp.arange(self.num_outcomes))
-        return reward + discount * value[row]
-
-    def _values(self, letter: jax.Array) -> list[jax.Array]:
-        """The value of each part of a letter: int32 `[...]` each."""
-        if len(self.branches) == 1:
-            return [letter]
-        values = []
-        for branch in reversed(self.branches):
-            size = branch.shape[-2]  # a power of two
-            values.append(letter & (size - 1))
-            letter = letter >> size.bit_length() - 1
-        return values[::-1]
-
-    def _outcome(self, row: jax.Array, letter: jax.Array) -> jax.Array:
-        return self._rest(self.branches[0][self._values(letter)[0], row], letter)
-
-    def _rest(self, at: jax.Array, letter: jax.Array) -> jax.Array:
-        """The outcomes `[rows, ...]` or `[...]` that the other parts of letters lead to from entries of the first."""
-        settled = self.num_outcomes
-        for branch, value in zip(self.branches[1:], self._values(letter)[1:], strict=True):
-            at = jnp.where(at < settled, at, branch[value, jnp.maximum(at - settled, 0)])
-        return at
+        if self.pays is not None and len(self.branches) == 1:
+            # To look up what outcomes mean costs more for every letter of a batch than for every letter that there is.
+            row, reward = (jnp.moveaxis(meaning[letter], -1, 0) for meaning in self.meaning(self.branches[0]))
+            return row, reward
+        return self.meaning(lookup.outcome_in_all(self.branches, self.num_outcomes, letter))
 
     def _row_of(self, outcome: jax.Array) -> jax.Array:
-        return outcome if self.pays is None else outcome % self.num_rows
+        return outcome if self.pays is None else outcome & (self.stride - 1)
 
-    def _meaning(self, outcome: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """The rows of outcomes, and what reaching them pays."""
+    def meaning(self, outcome: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Return the rows int32 `[...]` of outcomes (int32 `[...]`), and what reaching them pays, float32 `[...]`."""
         row = self._row_of(outcome)
-        return row, self.reward(row) if self.pays is None else self.pays[outcome // self.num_rows]
+        if self.pays is None:
+            return row, self.reward(row)
+        return row, self.pays[outcome >> self.stride.bit_length() - 1]
 
     @property
     def is_open(self) -> jax.Array:
@@ -206,8 +150,13 @@ class TaskTable:
 
     @property
     def num_outcomes(self) -> int:
-        """What a letter can lead to: the rows, or of reward machines the rows with each of the rewards."""
-        return self.num_rows * (1 if self.pays is None else self.pays.shape[-1])
+        """What a letter can lead to: the rows, or of reward machines the rows with each of the rewards, see `pays`."""
+        return self.num_rows if self.pays is None else self.stride * self.pays.shape[-1]
+
+    @property
+    def stride(self) -> int:
+        """See `pays`."""
+        return stride(self.num_rows)
 
     @property
     def num_letters(self) -> int:
@@ -227,7 +176,7 @@ class TaskTable:
     def transition_reward(self) -> jax.Array | None:
         """What each letter pays in reward machines: float32 `[rows, letters]`; None for formulas. Raises as
         `next_row`."""
-        return None if self.pays is None else self.pays[self._at_once() // self.num_rows]
+        return None if self.pays is None else self.pays[self._at_once() // self.stride]
 
     def _at_once(self) -> jax.Array:
         if len(self.branches) > 1:

@@ -13,6 +13,7 @@ from flax import linen as nn
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.ltl.ahead import distance_to_true, nearest_to_true
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 
 
@@ -70,9 +71,9 @@ class LookaheadTaskEncoder(nn.Module):
                 f"a look-ahead with room for {config.propositions} propositions cannot tell the {count} of this "
                 f"environment apart; set task_encoder.propositions to {count} or more"
             )
-        distance = table.distance_to_true()
+        distance = distance_to_true(table)
         alone = table.letter(jnp.eye(count, dtype=bool))
-        shortest = table.nearest_to_true(distance)
+        shortest = nearest_to_true(table, distance)
         is_open = (table.verdict == 0)[:, None]
         after, _ = table.step_all(alone)  # [rows, P]
         fails = is_open & (table.verdict[after] < 0)

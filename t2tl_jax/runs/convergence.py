@@ -12,6 +12,7 @@ import numpy as np
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.ltl.ahead import distance_to_true
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class ConvergenceConfig:
         checks.not_negative(self, "delta")
 
 
-_distance_to_true = jax.jit(TaskTable.distance_to_true)
+_distance_to_true = jax.jit(distance_to_true)
 
 
 def optimal_return(table: TaskTable, discount: float) -> float:

@@ -3,6 +3,7 @@
 import random
 import time
 import tracemalloc
+from functools import partial
 
 import chex
 import jax
@@ -20,10 +21,12 @@ from t2tl_jax.ltl import (
     compile_reward_machines,
     compile_tasks,
     languages,
+    lookup,
     parse,
     parse_machine,
     renaming,
 )
+from t2tl_jax.ltl.ahead import distance_to_true, nearest_to_true
 from t2tl_jax.ltl.compiler import parts
 from t2tl_jax.ltl.compiler.automaton import build
 from t2tl_jax.ltl.padding import needed_nodes, padded
@@ -95,12 +98,12 @@ SMALL = {
 @jax.jit
 def everything(table):
     letters, rows = jnp.arange(table.num_letters), jnp.arange(table.num_rows)[:, None]
-    distance = table.distance_to_true()
+    distance = distance_to_true(table)
     return {
         "step_all": table.step_all(letters),
         "step": table.step(rows, letters),
         "progress": table.progress(rows, letters),
-        "distance": (distance, table.nearest_to_true(distance)),
+        "distance": (distance, nearest_to_true(table, distance)),
         "potential": potential(table, 0.9),
     }
 
@@ -129,7 +132,7 @@ def test_the_best_letter_is_the_first_of_the_best(in_parts):
     in_parts(1)
     table = compile_tasks(["F(a & F(b & c))", "!a U (d | (b & X c))"], ABCDEF)
     dense = np.asarray(table.step_all(jnp.arange(table.num_letters))[0])
-    best_outcome = jax.jit(table.best_outcome)
+    best_outcome = jax.jit(partial(lookup.best_outcome, table.branches, table.num_outcomes))
     for seed in range(20):
         value = np.random.default_rng(seed).integers(0, 3, table.num_rows)
         expected = [row[value[row].argmax()] for row in dense]
@@ -269,7 +272,7 @@ def test_a_large_table_is_described_by_what_its_rows_read():
 
 def test_more_than_an_int32_can_hold_is_refused():
     names = tuple(f"p{i}" for i in range(32))
-    with pytest.raises(TooLargeError, match=r"32 propositions are used, and a letter .* room for 31.* at_most_one"):
+    with pytest.raises(TooLargeError, match=r"32 propositions are used, and a letter .* room for 31.*at_most_one"):
         compile_tasks("F(" + " & ".join(names) + ")", names)
     table = compile_tasks("F(" + " & ".join(names[1:]) + ")", names)
     letter = table.letter(jnp.ones(32, bool))

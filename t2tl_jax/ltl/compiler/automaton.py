@@ -24,14 +24,19 @@ MAX_LISTED = 2**26
 """Most entries of `Automaton.next_row`."""
 
 
+def stride(rows: int) -> int:
+    """What to multiply the number of a reward with before adding a row: the least power of two with room for rows."""
+    return 1 << (rows - 1).bit_length()
+
+
 @dataclass(frozen=True, eq=False)
 class Automaton:
     """The automaton of one or more tasks; row 0 is true and row 1 is false. That of formulas is minimal.
 
     Attributes:
         tokens: per row, the token ids of its shortest formula; none for a state of a reward machine.
-        steps: where each letter leads from every row. The outcomes are the rows; for reward machines, row number
-            `outcome % rows` with the reward `pays[outcome // rows]`.
+        steps: where each letter leads from every row. The outcomes are the rows; for reward machines, the row number
+            `outcome % stride` with the reward `pays[outcome // stride]`.
         verdict: int8 `[rows]`, +1 true, -1 false, 0 open.
         initial_row: int32 `[tasks]`.
         letter_weights: int32 `[propositions]`, how a label vector becomes a letter; 0 for unused propositions.
@@ -53,6 +58,11 @@ class Automaton:
     states: tuple[str, ...] = ()
     pays: np.ndarray | None = None
 
+    @property
+    def stride(self) -> int:
+        """See `steps`."""
+        return stride(len(self.verdict))
+
     @cached_property
     def next_row(self) -> np.ndarray:
         """The row that each letter leads to: int32 `[rows, letters]`.
@@ -60,12 +70,12 @@ class Automaton:
         Raises:
             TooLargeError: for so many letters that a person could not want them all; see `steps`.
         """
-        return self._dense % len(self.verdict)
+        return self._dense % self.stride
 
     @cached_property
     def rewards(self) -> np.ndarray | None:
         """What each transition of reward machines pays: float32 `[rows, letters]`; None for formulas."""
-        return None if self.pays is None else self.pays[self._dense // len(self.verdict)]
+        return None if self.pays is None else self.pays[self._dense // self.stride]
 
     @cached_property
     def _dense(self) -> np.ndarray:
@@ -83,7 +93,7 @@ class Automaton:
 
     def follow(self, row: int, letter: int) -> tuple[int, float]:
         """Return the row that a letter leads to, and what a reward machine pays for it, else 0."""
-        kind, following = divmod(self.steps.outcome(row, letter), len(self.verdict))
+        kind, following = divmod(self.steps.outcome(row, letter), self.stride)
         return following, 0.0 if self.pays is None else float(self.pays[kind])
 
     def formula(self, row: int) -> Formula:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from t2tl_jax.ltl.compiler.alphabet import EVERY_SUBSET, check_names, letter_weights
-from t2tl_jax.ltl.compiler.automaton import Automaton
+from t2tl_jax.ltl.compiler.automaton import Automaton, stride
 from t2tl_jax.ltl.compiler.budget import Budget, Limits
 from t2tl_jax.ltl.compiler.diagrams import Diagrams
 from t2tl_jax.ltl.compiler.steps import from_diagrams
@@ -68,8 +68,10 @@ class _Guarded:
     """Diagrams of guards, and of the outcomes that lines with guards lead to."""
 
     def __init__(self, diagrams: Diagrams, used: list[str], num_rows: int, pays: list[float]) -> None:
-        self.diagrams, self.num_rows = diagrams, num_rows
-        self.leaves = [diagrams.leaf() for _ in range(num_rows * len(pays))]  # of the outcomes; the first, of guards
+        self.diagrams, self._stride = diagrams, stride(num_rows)
+        self.leaves = [
+            diagrams.leaf() for _ in range(self._stride * len(pays))
+        ]  # of the outcomes; the first, of guards
         self._false, self._true = self.leaves[:2]
         self._kind = {reward: kind for kind, reward in enumerate(pays)}
         self._place = {name: index for index, name in enumerate(used)}
@@ -87,7 +89,7 @@ class _Guarded:
         return found
 
     def _outcome(self, row: int, reward: float) -> int:
-        return self.leaves[row + self.num_rows * self._kind[reward]]
+        return self.leaves[row + self._stride * self._kind[reward]]
 
     def _guard(self, guard: Formula) -> int:
         """The diagram of a formula without temporal operators, which ends in the leaf of true or of false."""
