@@ -84,7 +84,7 @@ def _time(family: str, seed: int, alphabet: str) -> tuple[int, float]:
     formula, propositions = _draw(family, seed)
     start = time.perf_counter()
     table = compile_tasks(formula, propositions, alphabet)
-    table.next_row.block_until_ready()
+    table.verdict.block_until_ready()
     return table.num_rows, time.perf_counter() - start
 
 

@@ -74,7 +74,7 @@ def colours_of_rows(table: TaskTable) -> tuple[jax.Array, jax.Array]:
         Two ``bool[rows, P]``: propositions that change a row without deciding against it, and those that falsify it.
     """
     alone = table.letter(jnp.eye(len(table.propositions), dtype=bool))
-    after = table.next_row[:, alone]
+    after, _ = table.step_all(alone)
     avoided = table.verdict[after] < 0
     return (after != jnp.arange(table.num_rows)[:, None]) & ~avoided, avoided
 

@@ -45,7 +45,7 @@ def _measured(task: str, propositions: tuple[str, ...], alphabet: Any) -> dict[s
         "task": task,
         "tokens": int(lengths[int(compiled.initial_row[0])]),
         "sub_tasks": int(compiled.is_open.sum()),
-        "letters": int(compiled.next_row.shape[1]),
+        "letters": compiled.num_letters,
         "milliseconds": 1000 * statistics.median(seconds),
         "least_and_most": [1000 * min(seconds), 1000 * max(seconds)],
     }

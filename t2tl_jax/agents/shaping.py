@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.ltl.ahead import best_worth
 
 TOLERANCE = 1e-7
 """Value iteration stops when no value changes by more, as published, or when it cannot change by more."""
@@ -25,12 +26,10 @@ def potential(table: TaskTable, discount: float | jax.Array) -> jax.Array:
         discount: gamma, `0 <= gamma < 1`. It may be traced, so it is not checked here: at 1 iteration would stop after
             its first step, with wrong values. `DQNConfig` refuses 1 where rewards are shaped.
     """
-    rows, letters = jnp.meshgrid(jnp.arange(table.num_rows), jnp.arange(table.num_letters), indexing="ij")
-    following, reward = table.step(rows, letters)
 
     def improve(carry: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
         value, _, count = carry
-        better = jnp.where(table.is_open, (reward + discount * value[following]).max(axis=-1), 0.0)
+        better = jnp.where(table.is_open, best_worth(table, value, discount), 0.0)
         return better, jnp.abs(better - value).max(), count + 1
 
     most = jnp.maximum(1.0, jnp.ceil(jnp.log(TOLERANCE) / jnp.log(discount)))  # of a discount of 0 the quotient is 0

@@ -1,9 +1,9 @@
 """Tasks as co-safe linear temporal logic or as reward machines: from text to the task table.
 
 `parser` and `reward_machine` read text (the first into a `formula`), `compiler` makes an automaton of that, and `table`
-writes it as arrays. `tasks` and `families` name tasks, `family_trees` and `curriculum` hold random ones as data, `pool`
-makes tables of them, `padding` gives tables equal shapes, `split` says what a test shares with a training, and
-`describe` puts automata into words.
+writes it as arrays, in which `lookup` finds letters and `ahead` the best of them. `tasks` and `families` name tasks,
+`family_trees` and `curriculum` hold random ones as data, `pool` makes tables of them, `padding` gives tables equal
+shapes, `split` says what a test shares with a training, and `describe` puts automata into words.
 
 Everything up to the table is plain Python; JAX is imported only when `TaskTable` or a function that compiles one is
 first used.
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from t2tl_jax.ltl.compiler.alphabet import ALPHABETS, AT_MOST_ONE, EVERY_SUBSET
 from t2tl_jax.ltl.compiler.automaton import Automaton
+from t2tl_jax.ltl.compiler.budget import Limits
 from t2tl_jax.ltl.compiler.normal_form import negation_normal_form
 from t2tl_jax.ltl.curriculum import DEEPLTL_ZONES, Curriculum, Stage
 from t2tl_jax.ltl.errors import (
@@ -78,6 +79,7 @@ __all__ = [
     "Formula",
     "LTLError",
     "LTLSyntaxError",
+    "Limits",
     "Listed",
     "MachineSyntaxError",
     "Mixture",

@@ -10,7 +10,7 @@ import tyro
 from t2tl_jax.errors import UserError
 from t2tl_jax.flags import parse
 from t2tl_jax.ltl.compiler.automaton import build
-from t2tl_jax.ltl.compiler.budget import MAX_ROWS
+from t2tl_jax.ltl.compiler.budget import Limits
 from t2tl_jax.ltl.compiler.machine_automaton import build_machines
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.describe import describe, describe_word, to_dot
@@ -37,8 +37,16 @@ class Arguments:
     """The environment's propositions in its order, apart by `,`. By default those of the tasks."""
     dot: bool = False
     """Print the automaton as Graphviz text and nothing else."""
-    max_rows: int = MAX_ROWS
+    max_rows: int = Limits.max_rows
     """Refuse tasks with more rows."""
+    max_terms: int = Limits.max_terms
+    """Refuse tasks of which something is left that is a disjunction of more terms."""
+    max_tokens: int = Limits.max_tokens
+    """Refuse tasks with longer rows."""
+    max_work: int = Limits.max_work
+    """Refuse tasks that take longer, in units of some 0.2 microseconds; 0 for what so many rows may take."""
+    max_propositions: int = Limits.max_propositions
+    """Refuse tasks that use more propositions."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -69,14 +77,19 @@ def run(arguments: Arguments) -> str:
         raise LTLError("formulas and reward machines cannot share a table; give either")
     tasks: list[Formula] | list[RewardMachine] = formulas or machines
     names = _propositions(tasks) if arguments.propositions is None else tuple(_split(arguments.propositions, ","))
+    limits = Limits(
+        max_rows=arguments.max_rows,
+        max_terms=arguments.max_terms,
+        max_tokens=arguments.max_tokens,
+        max_work=arguments.max_work,
+        max_propositions=arguments.max_propositions,
+    )
     if machines:
         if arguments.progression != EXACT:
             raise LTLError(f"progression is how formulas go on; leave it at {EXACT} for reward machines")
-        automaton = build_machines(machines, names, arguments.alphabet, max_rows=arguments.max_rows)
+        automaton = build_machines(machines, names, arguments.alphabet, limits=limits)
     else:
-        automaton = build(
-            formulas, names, arguments.alphabet, max_rows=arguments.max_rows, progression=arguments.progression
-        )
+        automaton = build(formulas, names, arguments.alphabet, limits=limits, progression=arguments.progression)
     if arguments.dot:
         return to_dot(automaton)
     text = describe(automaton)

@@ -2,8 +2,6 @@
 
 from collections.abc import Collection, Sequence
 
-import numpy as np
-
 from t2tl_jax.ltl.compiler.automaton import Automaton
 from t2tl_jax.ltl.compiler.cubes import guard
 
@@ -13,7 +11,7 @@ _VERDICT = {1: "true", -1: "false", 0: "open"}
 def describe(automaton: Automaton) -> str:
     """Return a listing of rows (verdict, formula and tokens, or state) with their transitions; rows in which nothing
     can change (true and false) list none."""
-    rows, letters = automaton.next_row.shape
+    rows, letters = len(automaton.verdict), automaton.steps.num_letters
     lines = [
         f"{rows} rows, {len(automaton.initial_row)} task{'s' * (len(automaton.initial_row) != 1)}, {letters} letters "
         f"({automaton.alphabet} of {', '.join(automaton.used) or 'no propositions'})"
@@ -35,21 +33,21 @@ def describe(automaton: Automaton) -> str:
 
 def successors(automaton: Automaton, row: int) -> list[int]:
     """Return the rows that some letter leads to, the row itself first."""
-    targets = np.unique(automaton.next_row[row]).tolist()
+    targets = {outcome % automaton.stride for outcome in automaton.steps.outcomes_of(row)}
     return sorted(targets, key=lambda target: (target != row, target))
 
 
 def transitions(automaton: Automaton, row: int) -> list[tuple[int, str]]:
     """Return the rows that some letter leads to and when; for reward machines, one entry per reward (`guard / 1`)."""
-    found = []
+    found, stride = [], automaton.stride
     for target in successors(automaton, row):
-        letters = automaton.next_row[row] == target
-        if automaton.rewards is None:
-            found.append((target, guard(automaton, letters)))
+        outcomes = [outcome for outcome in automaton.steps.outcomes_of(row) if outcome % stride == target]
+        if automaton.pays is None:
+            found.append((target, guard(automaton, row, outcomes)))
             continue
-        for reward in np.unique(automaton.rewards[row, letters]).tolist():
+        for reward, outcome in sorted((float(automaton.pays[outcome // stride]), outcome) for outcome in outcomes):
             pays = f" / {reward:g}" if reward else ""
-            found.append((target, guard(automaton, letters & (automaton.rewards[row] == reward)) + pays))
+            found.append((target, guard(automaton, row, [outcome]) + pays))
     return found
 
 
@@ -62,7 +60,7 @@ def describe_word(automaton: Automaton, word: Sequence[Collection[str]], task: i
     row = int(automaton.initial_row[task])
     lines = [f"{'start':<20}  {_VERDICT[int(automaton.verdict[row])]:<5}  row {row}: {automaton.text(row)}"]
     for step, label in enumerate(word, 1):
-        row = int(automaton.next_row[row, automaton.letter(label)])
+        row, _ = automaton.follow(row, automaton.letter(label))
         shown = f"{step} {{{', '.join(sorted(label))}}}"
         lines.append(f"{shown:<20}  {_VERDICT[int(automaton.verdict[row])]:<5}  row {row}: {automaton.text(row)}")
     return "\n".join(lines)

@@ -4,9 +4,50 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
+from t2tl_jax.ltl.compiler.parts import written
+from t2tl_jax.ltl.compiler.steps import Steps
+
 Language = bytes
 """Equal for two rows, of one table or of two with equal letters, exactly if the same words make both true, and the same
 words both false."""
+
+
+_PART = 8
+"""Most propositions of a part in which letters are compared."""
+
+
+def of_rows(steps: Steps, verdict: np.ndarray, rows: Iterable[int]) -> list[Language]:
+    """The language of each of `rows`, as `languages`, however many letters there are.
+
+    Args:
+        steps: where letters lead, over all propositions of the environment.
+        verdict: int8 `[rows]`, +1 true, -1 false, 0 open.
+        rows: those asked for.
+    """
+    return languages(*_in_parts(steps, verdict), rows)
+
+
+def _in_parts(steps: Steps, verdict: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """An automaton that reads letters in parts, one after another; each part in states with a verdict of their own.
+
+    Two rows have the same language exactly if they have it in this automaton: a letter is a word of its parts.
+    """
+    if steps.alphabet == AT_MOST_ONE or steps.propositions <= _PART:
+        return steps.dense(), verdict
+    parts = -(-steps.propositions // _PART)
+    arrays = written(steps, [steps.propositions * part // parts for part in reversed(range(parts + 1))])
+    rows, columns = len(verdict), max(len(array) for array in arrays)
+    following, kinds, begin = [], [np.asarray(verdict, int)], 0
+    for part, array in enumerate(arrays):
+        # The states of a part: of the first, the rows; of the others, each row that is settled, then the nodes.
+        settled = np.tile(np.arange(rows if part else 0), (columns, 1))
+        entries = np.hstack([settled, np.tile(array, (columns // len(array), 1))])
+        begin += entries.shape[1]
+        following.append(entries + (begin if part + 1 < parts else 0))
+        if part:
+            kinds.append(np.full(entries.shape[1], 1 + part))
+    return np.hstack(following).T, np.concatenate(kinds)
 
 
 def languages(next_row: np.ndarray, verdict: np.ndarray, rows: Iterable[int]) -> list[Language]:

@@ -5,20 +5,18 @@ Training on random formulas takes one pool after another. Since shapes do not ch
 
 import random
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
-import jax
-import numpy as np
-
-from t2tl_jax.ltl import renaming
-from t2tl_jax.ltl import tokens as vocabulary
-from t2tl_jax.ltl.compiler.alphabet import every_letter
+from t2tl_jax.ltl import languages, renaming
 from t2tl_jax.ltl.compiler.automaton import Automaton, build
+from t2tl_jax.ltl.compiler.budget import Limits
+from t2tl_jax.ltl.compiler.forest import Forest
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import TooLargeError
 from t2tl_jax.ltl.families import TaskFamily, make_sampler
 from t2tl_jax.ltl.formula import Formula
-from t2tl_jax.ltl.languages import Language, languages
-from t2tl_jax.ltl.padding import blank
+from t2tl_jax.ltl.languages import Language
+from t2tl_jax.ltl.padding import Blank
 from t2tl_jax.ltl.table import TaskTable
 
 DRAWS_PER_TASK = 50
@@ -34,7 +32,9 @@ def compile_pool(
     size: int,
     rows: int,
     length: int,
+    nodes: int = 0,
     progression: str = EXACT,
+    limits: Limits | None = None,
     least: int | None = None,
     unlike: Collection[Language] = (),
     without: Collection[Language] = (),
@@ -43,11 +43,11 @@ def compile_pool(
     """Draw `size` different formulas of a family and compile them to one table, on the host.
 
     Every proposition has its letter, used or not, so that tables of equal arguments but for the seed have equal shapes.
-    Rows that are left over repeat the row of false, see `padding.blank`.
+    Rows that are left over repeat the row of false, see `padding.Blank`.
 
     Formulas that do not fit are drawn again: those with a progressed formula of more than `length` tokens, those with
-    more states than there are rows left, and those that are too entangled to be compared with what is held out. The
-    caps therefore shorten the tail of a family.
+    more states than there are rows left, or more nodes than are left for their letters, and those that are too
+    entangled to be compared with what is held out. The caps therefore shorten the tail of a family.
 
     Args:
         family: such as `Until_1_2_1_1`, see `make_sampler`; or one that is data.
@@ -57,7 +57,9 @@ def compile_pool(
         size: number of formulas, which are the tasks of the table.
         rows: rows of the table, true and false included.
         length: tokens per row.
+        nodes: room for what letters over many propositions leave open, see `padding.Blank`; 0 for twice `rows`.
         progression: as in `compile_tasks`.
+        limits: as in `compile_tasks`, but for the rows, of which `rows` is the limit.
         least: so few formulas will do where more cannot be found; by default `size`.
         unlike: no formula means one of these.
         without: nor does one mean or become one of these.
@@ -70,21 +72,22 @@ def compile_pool(
     names = tuple(propositions)
     draw = make_sampler(family, names)
     rng = random.Random(f"{family if isinstance(family, str) else repr(family)} {seed}")
-    builder = _Builder(
-        names, alphabet, rows, length, progression, frozenset(unlike), frozenset(without), frozenset(held_out)
-    )
+    blank = Blank(names, alphabet, rows, length, nodes, limits)
+    limits = replace(limits or Limits(), max_rows=rows)
+    builder = _Builder(blank, limits, progression, frozenset(unlike), frozenset(without), frozenset(held_out))
     for _ in range(DRAWS_PER_TASK * size):
         if len(builder.initial_row) == size:
             return builder.table()
         builder.add(draw(rng))
     if len(builder.initial_row) >= (size if least is None else least):
         return builder.table()
+    wide = f"{builder.too_wide} too many nodes for the {blank.room[-1]} of their letters, " if blank.room[1:] else ""
     raise TooLargeError(
         f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {DRAWS_PER_TASK * size} draws: '
         f"{builder.too_long} had a row of more than {length} tokens, {builder.too_many} too many states for the "
-        f"{rows} rows together, {builder.repeated} came twice, {builder.kept_out} belong to another pool, "
+        f"{rows} rows together, {wide}{builder.repeated} came twice, {builder.kept_out} belong to another pool, "
         f"{builder.entangled} have too many propositions that play the same part to be compared with what is held out; "
-        "raise the caps on tokens and rows, or ask for fewer formulas"
+        f"raise the caps on tokens and rows{' and nodes' * bool(wide)}, or ask for fewer formulas"
     )
 
 
@@ -93,29 +96,28 @@ class _Builder:
 
     def __init__(
         self,
-        names: tuple[str, ...],
-        alphabet: str,
-        rows: int,
-        length: int,
+        blank: Blank,
+        limits: Limits,
         progression: str,
         unlike: frozenset[Language],
         without: frozenset[Language],
         held_out: frozenset[Language],
     ) -> None:
         self.unlike, self.without, self.held_out = unlike, without, held_out
-        self.names, self.alphabet, self.rows, self.length = names, alphabet, rows, length
-        self.progression = progression
-        self.arrays = blank(names, alphabet, rows, length)
+        self.blank, self.limits, self.progression = blank, limits, progression
+        self.rows, self.length = blank.tokens.shape
+        self.forest = Forest(blank.alphabet, blank.cuts, blank.room)
         self.row_of: dict[tuple[int, ...], int] = {}
-        self.used = 2
         self.initial_row: list[int] = []
-        self.too_long = self.too_many = self.repeated = self.kept_out = self.entangled = 0
+        self.too_long = self.too_many = self.too_wide = self.repeated = self.kept_out = self.entangled = 0
         self.renamed: dict[Language, Language] = {}
 
     def add(self, formula: Formula) -> None:
         """Take in a formula, or count why not."""
         try:
-            automaton = build([formula], self.names, self.alphabet, max_rows=self.rows, progression=self.progression)
+            automaton = build(
+                [formula], self.blank.names, self.blank.alphabet, limits=self.limits, progression=self.progression
+            )
         except TooLargeError:
             self.too_many += 1
             return
@@ -125,7 +127,7 @@ class _Builder:
             self.repeated += 1
         elif max(map(len, automaton.tokens)) > self.length:
             self.too_long += 1
-        elif len(fresh) > self.rows - self.used:
+        elif len(fresh) > self.rows - 2 - len(self.row_of):
             self.too_many += 1
         else:
             try:
@@ -135,42 +137,37 @@ class _Builder:
                 return
             if kept_out:
                 self.kept_out += 1
-                return
-            self._take(automaton, fresh)
-            self.initial_row.append(self.row_of[automaton.tokens[start]])
+            elif self._take(automaton, fresh):
+                self.initial_row.append(self.row_of[automaton.tokens[start]])
+            else:
+                self.too_wide += 1
 
     def _is_kept_out(self, automaton: Automaton, start: int) -> bool:
         if not (self.unlike or self.without or self.held_out):
             return False
-        next_row = automaton.next_row[:, every_letter(automaton.letter_weights, self.alphabet)]
         open_rows = range(2, len(automaton.tokens))
-        found = languages(next_row, automaton.verdict, open_rows)
+        found = languages.of_rows(automaton.every_letter(), automaton.verdict, open_rows)
         if found[start - 2] in self.unlike or not self.without.isdisjoint(found):
             return True
         if not self.held_out:
             return False
         new = {language: row for language, row in zip(found, open_rows, strict=True) if language not in self.renamed}
-        renamed = renaming.classes(next_row, automaton.verdict, new.values(), self.alphabet)
+        renamed = renaming.of_rows(automaton.steps, automaton.verdict, new.values())
         self.renamed.update(zip(new, renamed, strict=True))
         return not self.held_out.isdisjoint(self.renamed[language] for language in found)
 
-    def _take(self, automaton: Automaton, fresh: list[int]) -> None:
-        for row in fresh:
-            self.row_of[automaton.tokens[row]] = self.used
-            self.used += 1
+    def _take(self, automaton: Automaton, fresh: list[int]) -> bool:
+        """Give fresh rows a place, unless there is no room for their letters."""
+        places = {automaton.tokens[row]: 2 + len(self.row_of) + number for number, row in enumerate(fresh)}
         # Equal formulas have equal futures, so rows that were there already stay as they are.
-        new_row = np.array([0, 1, *(self.row_of[tokens] for tokens in automaton.tokens[2:])], np.int32)
-        columns = every_letter(automaton.letter_weights, self.alphabet)
+        known = self.row_of | places
+        rows = [0, 1, *(known[tokens] for tokens in automaton.tokens[2:])]
+        if not self.forest.add(automaton.every_letter(), rows, fresh):
+            return False
+        self.row_of = known
         for row in fresh:
-            target = new_row[row]
-            self.arrays["tokens"][target] = 0
-            self.arrays["tokens"][target, : len(automaton.tokens[row])] = automaton.tokens[row]
-            self.arrays["next_row"][target] = new_row[automaton.next_row[row, columns]]
-            self.arrays["verdict"][target] = 0
+            self.blank.show(rows[row], automaton.tokens[row], 0)
+        return True
 
     def table(self) -> TaskTable:
-        arrays = self.arrays | {
-            "mask": self.arrays["tokens"] != vocabulary.PADDING,
-            "initial_row": np.array(self.initial_row, np.int32),
-        }
-        return TaskTable(**jax.device_put(arrays), propositions=self.names, alphabet=self.alphabet)
+        return self.blank.table(self.forest.steps(), self.initial_row)

@@ -11,11 +11,43 @@ from math import factorial, prod
 import numpy as np
 
 from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
+from t2tl_jax.ltl.compiler.steps import Steps
 from t2tl_jax.ltl.errors import TooLargeError
 from t2tl_jax.ltl.languages import Language, minimal, numbered
 
 MAX_ORDERS = 50_000
 """Most orders of the propositions that are tried for one row."""
+
+MAX_READ = 12
+"""Most propositions that one row and its future may read where every subset of them is a letter."""
+
+
+def of_rows(steps: Steps, verdict: np.ndarray, rows: Iterable[int]) -> list[Language]:
+    """As `classes`, however many letters there are; each row by itself with the propositions that it reads.
+
+    Args:
+        steps: where letters lead.
+        verdict: int8 `[rows]`, +1 true, -1 false, 0 open.
+        rows: those asked for.
+
+    Raises:
+        TooLargeError: for a row that reads too many propositions, or in which too many play the same part.
+    """
+    found = []
+    for row in rows:
+        part = [row]
+        for now in part:  # which grows meanwhile
+            part += [after for after in steps.outcomes_of(now) if after not in part]
+        read = steps.read_by(part)
+        if len(read) > MAX_READ and steps.alphabet != AT_MOST_ONE:
+            raise TooLargeError(
+                f"a row reads {len(read)} propositions; rows of up to {MAX_READ} are compared under other names "
+                "(renaming.MAX_READ): compare these tasks without renaming"
+            )
+        number = np.zeros(steps.outcomes, int)
+        number[part] = np.arange(len(part))
+        found += classes(number[steps.among(read).dense(part)], verdict[part], [0], steps.alphabet)
+    return found
 
 
 def classes(next_row: np.ndarray, verdict: np.ndarray, rows: Iterable[int], alphabet: str) -> list[Language]:

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from itertools import islice
 from random import Random
 
-from t2tl_jax.ltl import renaming
-from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, every_letter
+from t2tl_jax.ltl import languages, renaming
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
 from t2tl_jax.ltl.compiler.automaton import build
+from t2tl_jax.ltl.compiler.budget import Limits
 from t2tl_jax.ltl.families import TaskFamily, make_sampler, named_families
 from t2tl_jax.ltl.formula import Formula
-from t2tl_jax.ltl.languages import Language, languages
+from t2tl_jax.ltl.languages import Language
 
 DRAWS = 4000
 """How many tasks of a family are looked at, where it has more or cannot list them."""
@@ -67,12 +68,11 @@ def row_languages(
     found: dict[Language, Language] = {}
     names, formulas = tuple(propositions), iter(formulas)
     while some := list(islice(formulas, _AT_ONCE)):
-        automaton = build(some, names, alphabet, max_rows=_ROWS_AT_ONCE)
-        next_row = automaton.next_row[:, every_letter(automaton.letter_weights, alphabet)]
-        exact = languages(next_row, automaton.verdict, range(2, len(next_row)))
+        automaton = build(some, names, alphabet, limits=Limits(max_rows=_ROWS_AT_ONCE))
+        exact = languages.of_rows(automaton.every_letter(), automaton.verdict, range(2, len(automaton.verdict)))
         new = {language: row for row, language in enumerate(exact, 2) if language not in found}
         if renamed:
-            codes = renaming.classes(next_row, automaton.verdict, new.values(), alphabet)
+            codes = renaming.of_rows(automaton.steps, automaton.verdict, new.values())
             found.update(zip(new, codes, strict=True))
         else:
             found.update(zip(new, new, strict=True))

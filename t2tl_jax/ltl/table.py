@@ -1,17 +1,22 @@
-"""The task table: tasks as arrays, so that a task state is one row number and progression is one gather."""
+"""The task table: tasks as arrays, so that a task state is one row number and progression is a gather or two."""
 
+import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import flax.struct
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from t2tl_jax.ltl import lookup
 from t2tl_jax.ltl import tokens as vocabulary
 from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
-from t2tl_jax.ltl.compiler.automaton import Automaton, build
-from t2tl_jax.ltl.compiler.budget import MAX_ROWS
+from t2tl_jax.ltl.compiler.automaton import Automaton, build, stride
+from t2tl_jax.ltl.compiler.budget import Limits
 from t2tl_jax.ltl.compiler.machine_automaton import build_machines
+from t2tl_jax.ltl.compiler.parts import check_entries, fitting_cuts, read, room_for, written
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import LTLError, TooLargeError, no_formulas
 from t2tl_jax.ltl.formula import Formula
@@ -30,25 +35,29 @@ class TaskTable:
         tokens: int32 `[rows, length]`, token ids in prefix order, padded with 0 on the right; all padding for the open
             rows of reward machines.
         mask: bool `[rows, length]`, True at tokens, False at padding.
-        next_row: int32 `[rows, letters]`, the row that each letter leads to.
+        branches: where letters lead. Letters over few propositions are looked up at once, in one array int32
+            `[letters, rows]`. Those over many are read in parts, the highest propositions first, each in an array
+            `[values of the part, nodes]`; the nodes of the first are the rows. An entry below `num_outcomes` is the
+            outcome, whatever the other parts are; any other one, less that number, is a node of the next array.
         verdict: int8 `[rows]`, +1 when every continuation satisfies the row, -1 when none does, 0 while open.
         initial_row: int32 `[tasks]`, the row in which each task starts.
         letter_weights: int32 `[P]`, how labels become letters; 0 for propositions that no formula uses.
         propositions: the environment's propositions, in its order (static).
         alphabet: "every_subset" or "at_most_one" (static).
-        transition_reward: float32 `[rows, letters]`, what reward machines pay; None where the verdict is the reward.
+        pays: float32 `[rewards]`, what the transitions of reward machines pay; None where the verdict is the reward.
+            An outcome is a row; for reward machines it is the row `outcome % stride` with `pays[outcome // stride]`.
         states: names of the rows of reward machines, empty for formulas (static).
     """
 
     tokens: jax.Array
     mask: jax.Array
-    next_row: jax.Array
+    branches: tuple[jax.Array, ...]
     verdict: jax.Array
     initial_row: jax.Array
     letter_weights: jax.Array
     propositions: tuple[str, ...] = flax.struct.field(pytree_node=False)
     alphabet: str = flax.struct.field(pytree_node=False)
-    transition_reward: jax.Array | None = None
+    pays: jax.Array | None = None
     states: tuple[str, ...] = flax.struct.field(pytree_node=False, default=())
 
     # ----- inside jit -----
@@ -63,7 +72,7 @@ class TaskTable:
             labels: bool `[..., P]`, which of the environment's propositions are true.
 
         Returns:
-            int32 `[...]`, a column of `next_row`.
+            int32 `[...]`; with "every_subset" the bit set of the true ones among those that the formulas use.
         """
         weights = jnp.where(jnp.asarray(labels, bool), self.letter_weights, 0)
         letter = weights.max(-1, initial=0) if self.alphabet == AT_MOST_ONE else weights.sum(-1)
@@ -71,7 +80,7 @@ class TaskTable:
 
     def progress(self, row: jax.Array, letter: jax.Array) -> jax.Array:
         """Return the rows int32 `[...]` that follow `row` after `letter` (both int32 `[...]`)."""
-        return self.next_row[row, letter]
+        return self._row_of(lookup.outcome(self.branches, self.num_outcomes, row, letter))
 
     def reward(self, row: jax.Array) -> jax.Array:
         """Return float32 `[...]`: +1 for a true row, -1 for a false one, 0 while the task is open.
@@ -79,7 +88,7 @@ class TaskTable:
         Raises:
             LTLError: for reward machines, which pay by transition; see `step`.
         """
-        if self.transition_reward is not None:
+        if self.pays is not None:
             raise LTLError("reward machines pay by transition, not by row: use step(row, letter)")
         return self.verdict[row].astype(jnp.float32)
 
@@ -93,10 +102,7 @@ class TaskTable:
         Returns:
             int32 `[...]` and float32 `[...]`.
         """
-        following = self.progress(row, letter)
-        if self.transition_reward is None:
-            return following, self.reward(following)
-        return following, self.transition_reward[row, letter]
+        return self.meaning(lookup.outcome(self.branches, self.num_outcomes, row, letter))
 
     def step_all(self, letter: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Return what `step` gives from every row: one transition seen by all tasks and sub-tasks at once.
@@ -109,10 +115,21 @@ class TaskTable:
         Returns:
             int32 `[rows, ...]` and float32 `[rows, ...]`, row k for the task state k.
         """
-        following = self.next_row[:, letter]
-        if self.transition_reward is None:
-            return following, self.reward(following)
-        return following, self.transition_reward[:, letter]
+        if self.pays is not None and len(self.branches) == 1:
+            # To look up what outcomes mean costs more for every letter of a batch than for every letter that there is.
+            row, reward = (jnp.moveaxis(meaning[letter], -1, 0) for meaning in self.meaning(self.branches[0]))
+            return row, reward
+        return self.meaning(lookup.outcome_in_all(self.branches, self.num_outcomes, letter))
+
+    def _row_of(self, outcome: jax.Array) -> jax.Array:
+        return outcome if self.pays is None else outcome & (self.stride - 1)
+
+    def meaning(self, outcome: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Return the rows int32 `[...]` of outcomes (int32 `[...]`), and what reaching them pays, float32 `[...]`."""
+        row = self._row_of(outcome)
+        if self.pays is None:
+            return row, self.reward(row)
+        return row, self.pays[outcome >> self.stride.bit_length() - 1]
 
     @property
     def is_open(self) -> jax.Array:
@@ -132,9 +149,42 @@ class TaskTable:
         return self.initial_row.shape[-1]
 
     @property
+    def num_outcomes(self) -> int:
+        """What a letter can lead to: the rows, or of reward machines the rows with each of the rewards, see `pays`."""
+        return self.num_rows if self.pays is None else self.stride * self.pays.shape[-1]
+
+    @property
+    def stride(self) -> int:
+        """See `pays`."""
+        return stride(self.num_rows)
+
+    @property
     def num_letters(self) -> int:
-        """Columns of `next_row`."""
-        return self.next_row.shape[-1]
+        """How many letters there are."""
+        return math.prod(branch.shape[-2] for branch in self.branches)
+
+    @property
+    def next_row(self) -> jax.Array:
+        """The row that each letter leads to, for a look at it: int32 `[rows, letters]`.
+
+        Raises:
+            TooLargeError: for letters that are read in parts; see `progress` and `step_all`.
+        """
+        return self._row_of(self._at_once())
+
+    @property
+    def transition_reward(self) -> jax.Array | None:
+        """What each letter pays in reward machines: float32 `[rows, letters]`; None for formulas. Raises as
+        `next_row`."""
+        return None if self.pays is None else self.pays[self._at_once() // self.stride]
+
+    def _at_once(self) -> jax.Array:
+        if len(self.branches) > 1:
+            raise TooLargeError(
+                f"{self.num_rows:,} rows of {self.num_letters:,} letters are not kept as one array; look letters up "
+                "with progress(row, letter) or step_all(letter)"
+            )
+        return jnp.swapaxes(self.branches[0], -1, -2)
 
     @property
     def vocabulary_size(self) -> int:
@@ -167,7 +217,7 @@ class TaskTable:
         weights = np.asarray(self.letter_weights)
         return Automaton(
             tokens=tuple(rows),
-            next_row=np.asarray(self.next_row),
+            steps=read([np.asarray(branch) for branch in self.branches], self.num_outcomes, self.alphabet),
             verdict=np.asarray(self.verdict),
             initial_row=np.asarray(self.initial_row),
             letter_weights=weights,
@@ -175,7 +225,7 @@ class TaskTable:
             used=tuple(name for name, weight in zip(self.propositions, weights, strict=True) if weight),
             alphabet=self.alphabet,
             states=self.states,
-            rewards=None if self.transition_reward is None else np.asarray(self.transition_reward),
+            pays=None if self.pays is None else np.asarray(self.pays),
         )
 
     def describe(self) -> str:
@@ -191,7 +241,8 @@ def compile_tasks(
     alphabet: str = "every_subset",
     *,
     length: int | None = None,
-    max_rows: int = MAX_ROWS,
+    max_rows: int | None = None,
+    limits: Limits | None = None,
     progression: str = EXACT,
 ) -> TaskTable:
     """Compile co-safe LTL tasks to a table, on the host.
@@ -202,7 +253,8 @@ def compile_tasks(
         alphabet: "every_subset" (2^n letters for n used propositions) or "at_most_one" (n + 1 letters; for
             environments where at most one proposition is true at each step).
         length: tokens per row; by default those of the longest row.
-        max_rows: refuse tasks with more rows than this.
+        max_rows: refuse tasks with more rows than this; by default those of `limits`.
+        limits: how large the table may become.
         progression: "exact", the usual rules, by which verdicts are those of the formulas as written; or "paper", which
             adds the last case of the paper's definition 2: a satisfied proposition is dropped. Of the 9 tokens of
             `phi_zone_prime` it leaves 4 after Black, `!Yellow U White`, where the usual rules keep the whole task
@@ -214,7 +266,9 @@ def compile_tasks(
         LTLSyntaxError, NotCoSafeError, UnknownPropositionError: as the formulas deserve.
         TooLargeError: too many rows, letters or nodes, or a row that does not fit into `length`.
     """
-    return _to_table(build(formulas, propositions, alphabet, max_rows=max_rows, progression=progression), length)
+    limits = _limits(limits, max_rows)
+    automaton = build(formulas, propositions, alphabet, limits=limits, progression=progression)
+    return _to_table(automaton, length, limits)
 
 
 def compile_reward_machines(
@@ -223,7 +277,8 @@ def compile_reward_machines(
     alphabet: str = "every_subset",
     *,
     length: int | None = None,
-    max_rows: int = MAX_ROWS,
+    max_rows: int | None = None,
+    limits: Limits | None = None,
 ) -> TaskTable:
     """Compile reward machines to one table, on the host.
 
@@ -236,13 +291,14 @@ def compile_reward_machines(
         propositions: the environment's propositions, in its order.
         alphabet: as in `compile_tasks`.
         length: columns of `tokens`, which hold nothing here.
-        max_rows: refuse machines with more states than this.
+        max_rows, limits: as in `compile_tasks`.
 
     Raises:
         UnknownPropositionError: for a guard over other propositions.
         TooLargeError: too many rows or letters.
     """
-    return _to_table(build_machines(machines, propositions, alphabet, max_rows=max_rows), length)
+    limits = _limits(limits, max_rows)
+    return _to_table(build_machines(machines, propositions, alphabet, limits=limits), length, limits)
 
 
 def compile_named(
@@ -251,6 +307,7 @@ def compile_named(
     alphabet: str = "every_subset",
     *,
     length: int | None = None,
+    limits: Limits | None = None,
     progression: str = EXACT,
 ) -> TaskTable:
     """Compile a task as a configuration names it.
@@ -260,7 +317,7 @@ def compile_named(
             of a reward machine's file (`*.rm`).
         propositions: as in `compile_tasks`.
         alphabet: as in `compile_tasks`.
-        length: as in `compile_tasks`.
+        length, limits: as in `compile_tasks`.
         progression: as in `compile_tasks`; of reward machines, which progress nothing, only "exact".
 
     Raises:
@@ -269,32 +326,42 @@ def compile_named(
     """
     task = resolve(text)
     if isinstance(task, Formula):
-        return compile_tasks(task, propositions, alphabet, length=length, progression=progression)
+        return compile_tasks(task, propositions, alphabet, length=length, limits=limits, progression=progression)
     if progression != EXACT:
         raise LTLError(f"progression is how formulas go on, and {text} is a reward machine; leave it at {EXACT}")
-    return compile_reward_machines(task, propositions, alphabet, length=length)
+    return compile_reward_machines(task, propositions, alphabet, length=length, limits=limits)
 
 
-def _to_table(automaton: Automaton, length: int | None) -> TaskTable:
+def _limits(limits: Limits | None, max_rows: int | None) -> Limits:
+    limits = Limits() if limits is None else limits
+    return limits if max_rows is None else replace(limits, max_rows=max_rows)
+
+
+def _to_table(automaton: Automaton, length: int | None, limits: Limits) -> TaskTable:
     """Pad the tokens to `length` and put the arrays on the device."""
+    cuts = fitting_cuts(automaton.steps)
+    check_entries(cuts, room_for(automaton.steps, cuts), automaton.alphabet, limits)
     longest = max(len(row) for row in automaton.tokens)
     if length is None:
         length = longest
     elif length < longest:
-        raise TooLargeError(f"the longest row has {longest} tokens and does not fit into length={length}")
+        raise TooLargeError(
+            f"the longest row has {longest} tokens and does not fit into length={length}: give {longest} or more, or "
+            f"none (of a run --task-length {longest}, or 0)"
+        )
     tokens = np.zeros((len(automaton.tokens), length), np.int32)
     for index, row in enumerate(automaton.tokens):
         tokens[index, : len(row)] = row
-    arrays = {
+    arrays: dict[str, Any] = {
         "tokens": tokens,
         "mask": tokens != vocabulary.PADDING,
-        "next_row": automaton.next_row,
+        "branches": written(automaton.steps, cuts),
         "verdict": automaton.verdict,
         "initial_row": automaton.initial_row,
         "letter_weights": automaton.letter_weights,
     }
-    if automaton.rewards is not None:
-        arrays["transition_reward"] = automaton.rewards
+    if automaton.pays is not None:
+        arrays["pays"] = automaton.pays
     return TaskTable(
         **jax.device_put(arrays),
         propositions=automaton.propositions,

@@ -27,9 +27,11 @@ class AutomatonConfig(TaskEncoderConfig):
     """Rounds of messages, all with the same weights; what happens after more steps than this is not heard."""
     output: int = 32
     """Size of the code."""
+    labels: int = 4096
+    """Most sets of propositions that are listened to. Each set that can hold is one: 2^P where any propositions can."""
 
     def __post_init__(self) -> None:
-        checks.counts(self, "width", "rounds", "output")
+        checks.counts(self, "width", "rounds", "output", "labels")
 
     @property
     def code_size(self) -> int:
@@ -40,6 +42,12 @@ class AutomatonConfig(TaskEncoderConfig):
     def reads_tokens(self) -> bool:
         """It reads transitions."""
         return False
+
+
+def count_labels(table: TaskTable) -> int:
+    """How many sets of propositions can hold at a step."""
+    count = len(table.propositions)
+    return count + 1 if table.alphabet == AT_MOST_ONE else 2**count
 
 
 def every_label(table: TaskTable) -> np.ndarray:
@@ -63,8 +71,15 @@ class AutomatonTaskEncoder(nn.Module):
     def __call__(self, table: TaskTable) -> jax.Array:
         """float32[rows, config.output], in (-1, 1)."""
         config = self.config
+        if (count := count_labels(table)) > config.labels:
+            raise ValueError(
+                f"an automaton encoder listens to every set of propositions that can hold, and of "
+                f"{len(table.propositions)} propositions there are {count:,}, more than labels={config.labels:,}; set "
+                f"task_encoder.labels to {count} or more if there is memory for rows x labels x width, or use another "
+                "encoder"
+            )
         labels = every_label(table)
-        next_row = table.next_row[:, table.letter(jnp.asarray(labels))]
+        next_row, _ = table.step_all(table.letter(jnp.asarray(labels)))
         verdict = jax.nn.one_hot(table.verdict + 1, 3)
         stays = (next_row == np.arange(table.num_rows)[:, None])[..., None].astype(jnp.float32)
         start = nn.Dense(config.width, kernel_init=unit_norm(), name="verdict")(verdict)

@@ -13,6 +13,7 @@ from flax import linen as nn
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.ltl.ahead import distance_to_true, nearest_to_true
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 
 
@@ -51,20 +52,6 @@ class LookaheadConfig(TaskEncoderConfig):
         return jnp.swapaxes(told, -1, -2), code[..., -1:]
 
 
-def distance_to_true(table: TaskTable) -> jax.Array:
-    """The fewest letters that make each row true: int32[rows], `num_rows` where no letters do."""
-    never = table.num_rows
-    start = jnp.where(table.verdict > 0, 0, never).astype(jnp.int32)
-
-    def nearer(found: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        distance, _ = found
-        after = distance[table.next_row].min(axis=-1) + 1
-        closer = jnp.where(table.verdict == 0, jnp.minimum(distance, after), distance)
-        return closer, (closer < distance).any()
-
-    return jax.lax.while_loop(lambda found: found[1], nearer, (start, jnp.bool_(True)))[0]
-
-
 class LookaheadTaskEncoder(nn.Module):
     """Per row and for each of some steps along the shortest way to true: per proposition, 1 if it alone makes the row
     false, and 1 if it alone brings the row nearer to true; then the distance, in letters.
@@ -86,11 +73,9 @@ class LookaheadTaskEncoder(nn.Module):
             )
         distance = distance_to_true(table)
         alone = table.letter(jnp.eye(count, dtype=bool))
-        shortest = jnp.take_along_axis(
-            table.next_row, distance[table.next_row].argmin(axis=-1, keepdims=True), axis=-1
-        )[:, 0]
+        shortest = nearest_to_true(table, distance)
         is_open = (table.verdict == 0)[:, None]
-        after = table.next_row[:, alone]  # [rows, P]
+        after, _ = table.step_all(alone)  # [rows, P]
         fails = is_open & (table.verdict[after] < 0)
         nears = is_open & (distance[after] < distance[:, None])
         room = ((0, 0), (0, config.propositions - count))

@@ -65,7 +65,7 @@ class RolesTaskEncoder(nn.Module):
                 f"roles with room for {room} propositions cannot tell the {count} of this environment apart; set "
                 f"task_encoder.propositions to {count} or more"
             )
-        after = table.next_row[:, table.letter(jnp.eye(count, dtype=bool))]  # [rows, P]
+        after, _ = table.step_all(table.letter(jnp.eye(count, dtype=bool)))  # [rows, P]
         verdict, moved = table.verdict[after], after != jnp.arange(table.num_rows)[:, None]
         role = jnp.select([verdict < 0, verdict > 0, moved], [0, 1, 2], 3)
         unit = jax.nn.one_hot(role, len(ROLES)) * (table.verdict == 0)[:, None, None]

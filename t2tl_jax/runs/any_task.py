@@ -18,7 +18,7 @@ from t2tl_jax.ltl import (
     tasks_of,
 )
 from t2tl_jax.ltl.compiler.automaton import build
-from t2tl_jax.ltl.padding import padded
+from t2tl_jax.ltl.padding import NODES_PER_ROW, needed_nodes, padded
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.pools import check_open
@@ -51,12 +51,14 @@ def compile_formulas(experiment: Experiment, formulas: Sequence[Formula]) -> Tas
         ValueError: for a formula that does not fit the environment or the network, or is decided from the start.
     """
     env, config = experiment.env, experiment.config
-    automaton = build(formulas, env.propositions, env.alphabet, progression=config.progression)
+    limits = config.limits
+    automaton = build(formulas, env.propositions, env.alphabet, limits=limits, progression=config.progression)
     rows, length = _room(ROWS, len(automaton.tokens)), _room(TOKENS, max(map(len, automaton.tokens)))
     reader = config.learner.task_encoder
     if reader is not None and reader.reads_padding:
         length = experiment.table.tokens.shape[-1]
-    return padded(automaton, rows, length)
+    nodes = _room(NODES_PER_ROW * rows, needed_nodes(automaton, rows))
+    return padded(automaton, rows, length, nodes, limits)
 
 
 def compile_each(experiment: Experiment, tasks: Sequence[str]) -> dict[str, TaskTable]:

@@ -9,7 +9,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from t2tl_jax import checks
 from t2tl_jax.env import EnvConfig
-from t2tl_jax.ltl import TaskFamily, named_families
+from t2tl_jax.ltl import Limits, TaskFamily, named_families
 from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.task_env import Labels
 from t2tl_jax.training.types import LearnerConfig
@@ -93,6 +93,9 @@ class PoolConfig:
     """Rows of a table: what its formulas can become. Formulas that do not fit are drawn again."""
     length: Count = 48
     """Tokens of a row. Formulas that do not fit are drawn again."""
+    nodes: Count = 0
+    """Room for the letters of a table: where so many propositions hold together that letters are looked up in parts,
+    what one part leaves open. 0 for twice as many as rows. Formulas that do not fit are drawn again."""
     seed: Count = 0
     """Which formulas are drawn. The pool for evaluation is another one in any case."""
     held_out: str = ""
@@ -101,6 +104,7 @@ class PoolConfig:
 
     def __post_init__(self) -> None:
         checks.counts(self, "size", "period", "length")
+        checks.counts(self, "nodes", least=0)
         if self.rows < 3:
             raise ValueError(f"rows counts true, false and every open formula: at least 3, got {self.rows}")
 
@@ -135,6 +139,8 @@ class Config:
     own: --task chains --task.depth 1 3."""
     task_length: int = 0
     """Pad formulas to this many tokens; 0 for as many as the longest one has."""
+    limits: Limits = field(default_factory=Limits)
+    """How large a task may become."""
     pool: PoolConfig = field(default_factory=PoolConfig)
     """How the tasks of a family are drawn."""
     map_period: Count = 16

@@ -7,10 +7,12 @@ progress: there it is the distance from the optimum, the regret, that no longer 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import jax
 import numpy as np
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.ltl.ahead import distance_to_true
 
 
 @dataclass(frozen=True)
@@ -31,16 +33,16 @@ class ConvergenceConfig:
         checks.not_negative(self, "delta")
 
 
+_distance_to_true = jax.jit(distance_to_true)
+
+
 def optimal_return(table: TaskTable, discount: float) -> float:
     """The mean over a table's tasks of the discounted return of the shortest way to true, or 0 where there is none.
 
     So much can be had where every letter is free at each step, as in the world with one state; elsewhere less.
     """
-    next_row, verdict = np.asarray(table.next_row), np.asarray(table.verdict)
-    steps, before = np.where(verdict > 0, 0.0, np.inf), None
-    while before is None or (steps != before).any():
-        before, steps = steps, np.where(verdict == 0, 1 + steps[next_row].min(axis=1), steps)
-    return float(np.mean(discount ** (steps[np.asarray(table.initial_row)] - 1)))
+    steps = np.asarray(_distance_to_true(table))[np.asarray(table.initial_row)]
+    return float(np.mean(np.where(steps < table.num_rows, discount ** (steps - 1.0), 0.0)))
 
 
 class Convergence:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from flax import struct
 
 from t2tl_jax.errors import UserError
-from t2tl_jax.ltl import TaskTable, compile_named
+from t2tl_jax.ltl import Limits, TaskTable, compile_named
 from t2tl_jax.training.types import Agent, AgentCarry, Params
 
 
@@ -44,7 +44,8 @@ class Policy:
             UserError: if no row has; the message lists them.
             LTLError: for a formula with mistakes.
         """
-        wanted = compile_named(task, self.table.propositions, self.table.alphabet)
+        limits = Limits(max_rows=max(Limits.max_rows, self.table.num_rows))
+        wanted = compile_named(task, self.table.propositions, self.table.alphabet, limits=limits)
         text = wanted.text(int(wanted.initial_row[0]))
         texts = [self.table.text(row) for row in range(self.table.num_rows)]
         if text not in texts:

@@ -16,7 +16,7 @@ from t2tl_jax.ltl import (
     resolve_tasks,
     row_languages,
 )
-from t2tl_jax.ltl.languages import Language, languages
+from t2tl_jax.ltl.languages import Language, of_rows
 from t2tl_jax.runs.config import Config
 
 DRAWS_PER_POOL = 10
@@ -96,7 +96,9 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
         return Pools(config, env).evaluation
     length = config.task_length or None
     task = str(config.task)
-    table = compile_named(task, env.propositions, env.alphabet, length=length, progression=config.progression)
+    table = compile_named(
+        task, env.propositions, env.alphabet, length=length, limits=config.limits, progression=config.progression
+    )
     check_open(task, table)
     return table
 
@@ -107,7 +109,8 @@ def make_pools(config: Config, env: LabelledEnv) -> Pools | None:
 
 
 def _languages(table: TaskTable, rows: np.ndarray) -> frozenset[Language]:
-    return frozenset(languages(np.asarray(table.next_row), np.asarray(table.verdict), rows.tolist()))
+    automaton = table.automaton()
+    return frozenset(of_rows(automaton.every_letter(), automaton.verdict, rows.tolist()))
 
 
 def check_open(task: str, table: TaskTable) -> None:
@@ -147,8 +150,10 @@ def _pool(config: Config, env: LabelledEnv, which: str, **kept_out: Any) -> Task
             size=pool.size,
             rows=pool.rows,
             length=pool.length,
+            nodes=pool.nodes,
+            limits=config.limits,
             progression=config.progression,
             **kept_out,
         )
     except TooLargeError as error:
-        raise TooLargeError(f"{error}; the fields: pool.length, pool.rows, pool.size") from error
+        raise TooLargeError(f"{error}; the fields: pool.length, pool.rows, pool.size, pool.nodes") from error

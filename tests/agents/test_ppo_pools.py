@@ -67,7 +67,7 @@ def test_left_over_rows_have_no_influence(learner):
     other = table.replace(
         tokens=jnp.where(unused[:, None], table.tokens[2], table.tokens),
         mask=jnp.where(unused[:, None], table.mask[2], table.mask),
-        next_row=jnp.where(unused[:, None], 0, table.next_row),
+        branches=tuple(jnp.where(unused, 0, branch) for branch in table.branches),
     )
 
     def one_iteration(tasks):

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from t2tl_jax.ltl.compiler.budget import MAX_CELLS, MAX_PROPOSITIONS
+from t2tl_jax.ltl.compiler.budget import Limits, way_out
 from t2tl_jax.ltl.errors import LTLError, TooLargeError, nearest, unknown_proposition
 from t2tl_jax.ltl.formula import Formula
 
@@ -12,6 +12,9 @@ EVERY_SUBSET = "every_subset"
 AT_MOST_ONE = "at_most_one"
 ALPHABETS = (EVERY_SUBSET, AT_MOST_ONE)
 """Every set of propositions is a letter, or only the sets of at most one."""
+
+BITS = 31
+"""Most propositions of which every subset is a letter: an int32 with a bit for each."""
 
 
 def letter_weights(num_propositions: int, used: list[int], alphabet: str) -> np.ndarray:
@@ -21,27 +24,8 @@ def letter_weights(num_propositions: int, used: list[int], alphabet: str) -> np.
     return weights
 
 
-def every_letter(weights: np.ndarray, alphabet: str) -> np.ndarray:
-    """Return int `[letters]`: per letter over all propositions, the letter where only those with a weight count."""
-    if alphabet == AT_MOST_ONE:
-        return np.concatenate([[0], weights])
-    letters = np.arange(2 ** len(weights))[:, None]
-    return (letters >> np.arange(len(weights)) & 1) @ weights
-
-
-def check_cells(rows: int, num_used: int, alphabet: str) -> None:
-    """Refuse a table with too many entries."""
-    letters = num_used + 1 if alphabet == AT_MOST_ONE else 2**num_used
-    if rows * letters > MAX_CELLS:
-        hint = "" if alphabet == AT_MOST_ONE else f'; the alphabet "{AT_MOST_ONE}" needs {num_used + 1} letters only'
-        raise TooLargeError(
-            f"{rows:,} rows of {letters:,} letters ({num_used} propositions used) are more than "
-            f"{MAX_CELLS:,} entries (budget.MAX_CELLS){hint}"
-        )
-
-
 def check_names(
-    formulas: Sequence[Formula], propositions: Sequence[str], alphabet: str
+    formulas: Sequence[Formula], propositions: Sequence[str], alphabet: str, limits: Limits
 ) -> tuple[tuple[str, ...], list[int]]:
     """Check names and alphabet; return the environment's propositions and the indices of those used."""
     if isinstance(propositions, str):
@@ -59,10 +43,19 @@ def check_names(
     for name in mentioned:
         if name not in names:
             raise unknown_proposition(name, names)
-    if len(mentioned) > MAX_PROPOSITIONS or (alphabet == EVERY_SUBSET and 2 ** len(mentioned) > MAX_CELLS // 3):
+    check_count(len(mentioned), alphabet)
+    if len(mentioned) > limits.max_propositions:
         raise TooLargeError(
-            f"the tasks use {len(mentioned)} propositions; the limit is {MAX_PROPOSITIONS} (budget.MAX_PROPOSITIONS), "
-            f'and with "{EVERY_SUBSET}" each doubles the letters (budget.MAX_CELLS): where the environment makes at '
-            f'most one true at a time, use the alphabet "{AT_MOST_ONE}"'
+            f"the tasks use {len(mentioned)} propositions; the limit is max_propositions={limits.max_propositions}: "
+            f"{way_out('max_propositions', len(mentioned))}"
         )
     return names, [index for index, name in enumerate(names) if name in mentioned]
+
+
+def check_count(propositions: int, alphabet: str) -> None:
+    """Refuse letters that are no int32."""
+    if alphabet == EVERY_SUBSET and propositions > BITS:
+        raise TooLargeError(
+            f'{propositions} propositions are used, and a letter of "{EVERY_SUBSET}" has room for {BITS}, a bit each: '
+            f'where the environment makes at most one true at a time, use the alphabet "{AT_MOST_ONE}"'
+        )

@@ -2,21 +2,31 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, EVERY_SUBSET, check_cells, check_names, letter_weights
-from t2tl_jax.ltl.compiler.budget import MAX_ROWS, MAX_WORK, MORE_WORK_PER_TASK, Budget
+from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE, EVERY_SUBSET, check_names, letter_weights
+from t2tl_jax.ltl.compiler.budget import Budget, Limits
 from t2tl_jax.ltl.compiler.core import Core
 from t2tl_jax.ltl.compiler.diagrams import Diagrams
 from t2tl_jax.ltl.compiler.display import Display, Tokens
-from t2tl_jax.ltl.compiler.minimise import merge, settle
+from t2tl_jax.ltl.compiler.minimise import Merged, merge, settle
 from t2tl_jax.ltl.compiler.normal_form import negation_normal_form
 from t2tl_jax.ltl.compiler.states import EXACT, PAPER, PROGRESSIONS, Leaves, Progression, State
-from t2tl_jax.ltl.errors import LTLError, nearest, no_formulas, unknown_proposition
+from t2tl_jax.ltl.compiler.steps import Steps
+from t2tl_jax.ltl.errors import LTLError, TooLargeError, nearest, no_formulas, unknown_proposition
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.tokens import decode
+
+MAX_LISTED = 2**26
+"""Most entries of `Automaton.next_row`."""
+
+
+def stride(rows: int) -> int:
+    """What to multiply the number of a reward with before adding a row: the least power of two with room for rows."""
+    return 1 << (rows - 1).bit_length()
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +35,8 @@ class Automaton:
 
     Attributes:
         tokens: per row, the token ids of its shortest formula; none for a state of a reward machine.
-        next_row: int32 `[rows, letters]`, the row that each letter leads to.
+        steps: where each letter leads from every row. The outcomes are the rows; for reward machines, the row number
+            `outcome % stride` with the reward `pays[outcome // stride]`.
         verdict: int8 `[rows]`, +1 true, -1 false, 0 open.
         initial_row: int32 `[tasks]`.
         letter_weights: int32 `[propositions]`, how a label vector becomes a letter; 0 for unused propositions.
@@ -33,11 +44,11 @@ class Automaton:
         used: the propositions that the formulas use, in the environment's order.
         alphabet: "every_subset" or "at_most_one".
         states: per row, the name of the reward machine's state; empty when the rows are formulas.
-        rewards: float32 `[rows, letters]`, what each transition of a reward machine pays; None for formulas.
+        pays: float32 `[rewards]`, what the transitions of reward machines pay, 0 first; None for formulas.
     """
 
     tokens: tuple[Tokens, ...]
-    next_row: np.ndarray
+    steps: Steps
     verdict: np.ndarray
     initial_row: np.ndarray
     letter_weights: np.ndarray
@@ -45,7 +56,45 @@ class Automaton:
     used: tuple[str, ...]
     alphabet: str
     states: tuple[str, ...] = ()
-    rewards: np.ndarray | None = None
+    pays: np.ndarray | None = None
+
+    @property
+    def stride(self) -> int:
+        """See `steps`."""
+        return stride(len(self.verdict))
+
+    @cached_property
+    def next_row(self) -> np.ndarray:
+        """The row that each letter leads to: int32 `[rows, letters]`.
+
+        Raises:
+            TooLargeError: for so many letters that a person could not want them all; see `steps`.
+        """
+        return self._dense % self.stride
+
+    @cached_property
+    def rewards(self) -> np.ndarray | None:
+        """What each transition of reward machines pays: float32 `[rows, letters]`; None for formulas."""
+        return None if self.pays is None else self.pays[self._dense // self.stride]
+
+    @cached_property
+    def _dense(self) -> np.ndarray:
+        rows, letters = len(self.verdict), self.steps.num_letters
+        if rows * letters > MAX_LISTED:
+            raise TooLargeError(
+                f"{rows:,} rows of {letters:,} letters cannot be written out; ask for single letters with follow(), or "
+                "for what a row hangs on with the diagrams in steps"
+            )
+        return self.steps.dense()
+
+    def every_letter(self) -> Steps:
+        """`steps` among the letters of all the environment's propositions, used or not."""
+        return self.steps.over([self.propositions.index(name) for name in self.used], len(self.propositions))
+
+    def follow(self, row: int, letter: int) -> tuple[int, float]:
+        """Return the row that a letter leads to, and what a reward machine pays for it, else 0."""
+        kind, following = divmod(self.steps.outcome(row, letter), self.stride)
+        return following, 0.0 if self.pays is None else float(self.pays[kind])
 
     def formula(self, row: int) -> Formula:
         """Return the formula that a row shows; LTLError when the rows are states of reward machines."""
@@ -73,7 +122,7 @@ def build(
     propositions: Sequence[str],
     alphabet: str = EVERY_SUBSET,
     *,
-    max_rows: int = MAX_ROWS,
+    limits: Limits | None = None,
     progression: str = EXACT,
 ) -> Automaton:
     """Compile tasks to one automaton; `compile_tasks` documents the arguments and errors."""
@@ -84,32 +133,23 @@ def build(
         )
     tasks = [formulas] if isinstance(formulas, str | Formula) else list(formulas)
     normal = [negation_normal_form(parse(task) if isinstance(task, str) else task) for task in tasks]
-    names, used = check_names(normal, propositions, alphabet)
-    budget = Budget(max_rows=max_rows, max_work=MAX_WORK + MORE_WORK_PER_TASK * len(tasks))
+    limits = Limits() if limits is None else limits
+    names, used = check_names(normal, propositions, alphabet, limits)
+    budget = Budget(limits, len(tasks))
     core = Core([names[index] for index in used])
     roots = [core.add(formula) for formula in normal]
 
     explored = _explore(core, roots, alphabet, budget, progression == PAPER)
-    diagrams, diagram_of = explored.diagrams, explored.diagram_of
-    good, bad = settle({state: diagrams.leaves(node) for state, node in diagram_of.items()})
-    classes = merge(diagrams, diagram_of, good, bad)
-    budget.check_rows(max(classes.values()) + 1)
-
-    shown = _shortest_formulas(Display(core, used), roots, explored, classes)
+    merged = merge(explored.diagrams, explored.diagram_of, *settle(explored.diagrams, explored.diagram_of))
+    budget.check_rows(merged.count)
+    shown = _shortest_formulas(Display(core, used), roots, explored, merged.classes)
     budget.check_tokens(max(len(tokens) for tokens in shown.values()))
-    row_of_class = _order_rows(explored, classes, shown)
-    diagram_of_row = [1, 0] + [0] * (len(row_of_class) - 2)
-    row_of_leaf = np.zeros(len(diagrams.variable), np.int32)
-    for state, number in classes.items():
-        row_of_leaf[state] = row_of_class[number]
-        if number > 1:
-            diagram_of_row[row_of_class[number]] = diagram_of[state]
-    check_cells(len(row_of_class), len(used), alphabet)
+    row_of_class = _order_rows([merged.classes[state] for state in explored.start.values()], merged, shown)
     return Automaton(
         tokens=tuple(shown[number] for number in sorted(row_of_class, key=lambda number: row_of_class[number])),
-        next_row=row_of_leaf[diagrams.table(diagram_of_row, len(used))],
-        verdict=np.array([1, -1] + [0] * (len(row_of_class) - 2), np.int8),
-        initial_row=np.array([row_of_class[classes[explored.start[root]]] for root in roots], np.int32),
+        steps=_steps(merged, row_of_class, len(used), alphabet),
+        verdict=np.array([1, -1] + [0] * (merged.count - 2), np.int8),
+        initial_row=np.array([row_of_class[merged.classes[explored.start[root]]] for root in roots], np.int32),
         letter_weights=letter_weights(len(names), used, alphabet),
         propositions=names,
         used=tuple(names[index] for index in used),
@@ -135,6 +175,7 @@ def _explore(core: Core, roots: list[int], alphabet: str, budget: Budget, drops:
     """Close the tasks under progression, breadth first; each task has its own atoms, all share the diagrams."""
     diagrams = Diagrams(alphabet, budget)
     leaves = Leaves(diagrams)
+    seen: set[int] = set()  # nodes whose leaves are in the queue
     explored = _Explored(diagrams, leaves.state_of, {0: 0, 1: 1}, {}, {})
     for root in dict.fromkeys(roots):
         progression = Progression(core, root, leaves, budget, drops)
@@ -146,7 +187,7 @@ def _explore(core: Core, roots: list[int], alphabet: str, budget: Budget, drops:
             explored.owner[state] = progression
             node = progression.successors(explored.terms[state])
             explored.diagram_of[state] = node
-            queue.extend(sorted(s for s in diagrams.leaves(node) if s not in explored.diagram_of))
+            queue.extend(diagrams.leaves(node, seen))
             budget.check_states(len(explored.diagram_of))
     return explored
 
@@ -170,19 +211,34 @@ def _shortest_formulas(
     return shown
 
 
-def _order_rows(explored: _Explored, classes: dict[int, int], shown: dict[int, Tokens]) -> dict[int, int]:
+def _order_rows(starts: list[int], merged: Merged, shown: dict[int, Tokens]) -> dict[int, int]:
     """Return per class its row: true, false, then breadth first from the tasks, longer formulas first."""
-    member: dict[int, int] = {}
-    for state in explored.diagram_of:
-        member.setdefault(classes[state], state)
     rows = {1: 0, 0: 1}
-    queue = [classes[state] for state in explored.start.values()]
+    seen = {0, 1}  # nodes whose classes are in the queue, or rows
+    queue = list(starts)
     for number in queue:
-        if number in rows and number > 1:
+        if number in rows:
             continue
-        rows.setdefault(number, len(rows))
-        following = {classes[s] for s in explored.diagrams.leaves(explored.diagram_of[member[number]])}
-        queue.extend(
-            sorted((n for n in following if n not in rows), key=lambda other: (-len(shown[other]), shown[other]))
-        )
+        rows[number] = len(rows)
+        following, stack = [], [merged.root[number]]
+        while stack:
+            node = stack.pop()
+            if node in seen:
+                continue
+            seen.add(node)
+            if node < merged.count:
+                following.append(node)
+            else:
+                stack += (merged.low[node], merged.high[node])
+        queue.extend(sorted(following, key=lambda other: (-len(shown[other]), shown[other])))
     return rows
+
+
+def _steps(merged: Merged, row_of_class: dict[int, int], propositions: int, alphabet: str) -> Steps:
+    """The diagrams of the classes with rows for outcomes."""
+    node = np.arange(len(merged.variable), dtype=np.int32)
+    node[list(row_of_class)] = list(row_of_class.values())
+    root = np.empty(merged.count, np.int32)
+    root[node[: merged.count]] = node[merged.root]
+    low, high = (node[np.array(branch, np.int32)] for branch in (merged.low, merged.high))
+    return Steps(np.array(merged.variable, np.int32), low, high, root, merged.count, propositions, alphabet)

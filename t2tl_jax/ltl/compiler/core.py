@@ -26,6 +26,7 @@ class Core:
         self.args: list[tuple[int, ...]] = [(), ()]
         self._ids: dict[tuple[int, tuple[int, ...]], int] = {}
         self._implies: dict[tuple[int, int], bool] = {}
+        self._joined: dict[tuple[int, tuple[int, ...]], int] = {}
 
     def make(self, kind: int, args: tuple[int, ...]) -> int:
         """Return the number of a formula as it stands, without rewriting."""
@@ -74,6 +75,20 @@ class Core:
 
     def conjunction(self, operands: Iterable[int]) -> int:
         """Return the conjunction, without operands that others imply; order is kept."""
+        return self._join(AND, tuple(operands))
+
+    def disjunction(self, operands: Iterable[int]) -> int:
+        """Return the disjunction, without operands that imply others; order is kept."""
+        return self._join(OR, tuple(operands))
+
+    def _join(self, kind: int, operands: tuple[int, ...]) -> int:
+        key = (kind, operands)
+        number = self._joined.get(key)
+        if number is None:
+            number = self._joined[key] = (self._conjoin if kind == AND else self._disjoin)(operands)
+        return number
+
+    def _conjoin(self, operands: tuple[int, ...]) -> int:
         kept = self._irredundant(self.flatten(AND, operands), weaker_goes=True)
         if FALSE in kept or self._complementary(kept):
             return FALSE
@@ -82,8 +97,7 @@ class Core:
         merged = self._merge(AND, kept)
         return self.make(AND, tuple(kept)) if merged is None else self.conjunction(merged)
 
-    def disjunction(self, operands: Iterable[int]) -> int:
-        """Return the disjunction, without operands that imply others; order is kept."""
+    def _disjoin(self, operands: tuple[int, ...]) -> int:
         kept = self._irredundant(self.flatten(OR, operands), weaker_goes=False)
         if TRUE in kept or self._complementary(kept):
             return TRUE

@@ -8,8 +8,6 @@ out. When at most one proposition is true at a time, every other proposition is 
 branch is always a leaf, and a node is left out when `high` is what its `low` branch gives for "all false".
 """
 
-import numpy as np
-
 from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
 from t2tl_jax.ltl.compiler.budget import Budget
 
@@ -34,7 +32,6 @@ class Diagrams:
         self.high: list[int] = []
         self.zero: list[int] = []
         self._nodes: dict[tuple[int, int, int], int] = {}
-        self._leaves: dict[int, frozenset[int]] = {}
 
     def leaf(self) -> int:
         """Return a new leaf."""
@@ -63,17 +60,26 @@ class Diagrams:
         """Return the `high` branch that a diagram implies for a proposition it does not decide."""
         return self.zero[node] if self.at_most_one else node
 
-    def leaves(self, node: int) -> frozenset[int]:
-        """Return the leaves that some letter reaches."""
-        found = self._leaves.get(node)
-        if found is None:
+    def leaves(self, node: int, seen: set[int] | None = None) -> list[int]:
+        """Return the leaves that some letter reaches, in their order.
+
+        Args:
+            node: where to begin.
+            seen: nodes that are passed over with everything below them; all that are met are added.
+        """
+        seen = set() if seen is None else seen
+        found, stack = [], [node]
+        while stack:
+            node = stack.pop()
+            if node in seen:
+                continue
+            seen.add(node)
+            self.budget.spend(5)
             if self.variable[node] == LEAF:
-                found = frozenset((node,))
+                found.append(node)
             else:
-                found = self.leaves(self.low[node]) | self.leaves(self.high[node])
-                self.budget.spend(5 + len(found))
-            self._leaves[node] = found
-        return found
+                stack += (self.low[node], self.high[node])
+        return sorted(found)
 
     def relabel(self, node: int, new_leaf: dict[int, int], memo: dict[int, int]) -> int:
         """Return the diagram with each leaf replaced; `memo` belongs to one `new_leaf`."""
@@ -88,27 +94,3 @@ class Diagrams:
                 result = self.node(variable, low, self.relabel(self.high[node], new_leaf, memo))
             memo[node] = result
         return result
-
-    def table(self, roots: list[int], num_variables: int) -> np.ndarray:
-        """Write diagrams out, one row of leaves each, one column per letter.
-
-        Returns:
-            int array `[len(roots), letters]`. Every subset: column `sum(2**j for true j)`. At most one: column 0 for
-            "none", column `j + 1` for proposition `j`.
-        """
-        variable, low, high, zero, nodes = (
-            np.array(numbers, np.int32) for numbers in (self.variable, self.low, self.high, self.zero, roots)
-        )
-        if self.at_most_one:
-            columns = []
-            for j in reversed(range(num_variables)):
-                decides = variable[nodes] == j
-                columns.append(np.where(decides, high[nodes], zero[nodes]))
-                nodes = np.where(decides, low[nodes], nodes)
-            return np.stack([nodes, *reversed(columns)], axis=-1)
-        everything = np.arange(len(variable), dtype=np.int32)
-        for j in reversed(range(num_variables)):
-            decides = variable == j
-            branch = np.stack([np.where(decides, low, everything), np.where(decides, high, everything)], axis=-1)
-            nodes = branch[nodes]
-        return nodes.reshape(len(roots), -1)

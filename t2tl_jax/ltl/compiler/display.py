@@ -58,15 +58,15 @@ class Display:
         """Return a formula equal to the disjunction of `terms`, none of which contains another."""
         parts: list[int] = []
         while terms:
-            common = reduce(and_, terms)
-            components = _components(terms)
             if len(terms) == 1 or depth > _MAX_FACTORING:
                 parts += [self._conjunction(_atoms(progression, term)) for term in terms]
                 break
+            common = reduce(and_, terms)
             if common:
                 rest = self._factor(progression, [term ^ common for term in terms], depth + 1)
                 parts.append(self._conjunction([*_atoms(progression, common), rest]))
                 break
+            components = _components(terms)
             if len(components) > 1:
                 parts += [self._factor(progression, component, depth + 1) for component in components]
                 break
@@ -78,9 +78,13 @@ class Display:
         return self._disjunction(parts)
 
     def _conjunction(self, numbers: list[int]) -> int:
+        if len(numbers) == 1:
+            return numbers[0]
         return self._sorted(self.core.conjunction(sorted(self.core.flatten(AND, numbers), key=self.rank)))
 
     def _disjunction(self, numbers: list[int]) -> int:
+        if len(numbers) == 1:
+            return numbers[0]
         return self._sorted(self.core.disjunction(sorted(self.core.flatten(OR, numbers), key=self.rank)))
 
     def _sorted(self, number: int) -> int:
