@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, ClassVar
 
-import flashbax
 import jax
 import jax.numpy as jnp
 import optax
@@ -19,6 +18,7 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
+from t2tl_jax.agents.replay import make_replay
 from t2tl_jax.agents.shaping import potential
 from t2tl_jax.agents.td_learning import Transition, code_change, dqn_loss
 from t2tl_jax.ltl import TaskTable
@@ -137,7 +137,7 @@ class DQNState:
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
     carry: Carry  # the context window of every environment, leading axis [N]; () without context
-    buffer: Any  # flashbax's state
+    buffer: Any  # flashbax's state, see `replay.py`
     key: jax.Array
     iteration: jax.Array  # int32
 
@@ -168,9 +168,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         anneal=config.anneal_learning_rate,
         task_encoder_learning_rate=config.task_encoder_learning_rate,
     )
-    replay = flashbax.make_item_buffer(
-        config.buffer_size, min_length=1, sample_batch_size=config.batch_size, add_batches=True
-    )
+    replay = make_replay(config.buffer_size, config.batch_size, config.num_envs, config.network.context)
 
     def embed(params: Params, table: TaskTable) -> jax.Array:
         return apply(params, table, method="embed")
@@ -295,7 +293,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         every step; with gradients of zero Adam's moments and the parameters stay what they were, and only its counter
         has to be held.
         """
-        batch = replay.sample(state.buffer, key).experience
+        batch = replay.sample(state.buffer, key)
         movement = code_change(table, embedding, state.target_embedding) if codes_move else {}
 
         def loss(params: Params, embedding: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
@@ -359,6 +357,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         remember=remember,
         compare=compare,
         map_params=map_params,
+        replay="buffer",
     )
 
 

@@ -47,6 +47,8 @@ class TrainingProgress:
     """What compiling took in this session, from its beginning to its end, beside whatever went on meanwhile."""
     train_seconds: float = 0.0
     """Wall clock that training took in this session, so far."""
+    checkpoint_seconds: float = 0.0
+    """What of that went by while training stood still for checkpoints, which are written beside it."""
     success_since: tuple[int, ...] = ()
     """By seed, the iteration from which on its success rate stayed above 95 %, counted from 1; 0 while it does not."""
     stop: str = ""

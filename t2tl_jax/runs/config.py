@@ -62,7 +62,10 @@ class RunConfig:
     folder: str = "runs"
     """Runs are stored in FOLDER/<config>/<time>."""
     checkpoint_period: float = 120.0
-    """Seconds between checkpoints; there is always one at the end."""
+    """Seconds between checkpoints, at least; there is always one at the end. They are written beside the training."""
+    keep_replay: bool = False
+    """Keep the replay of a training that has come to its end, so that it can go on with more frames. Until then replay
+    is always kept. Of learners without replay (PPO) nothing of this counts."""
     evaluation_episodes: Count = 100
     """Episodes per seed and policy (deterministic, sampled) of the evaluation after training; 0 for none."""
     gif: bool = True

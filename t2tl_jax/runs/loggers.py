@@ -6,6 +6,7 @@ from pathlib import Path
 import tensorboardX
 
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
+from t2tl_jax.runs.folder import writing
 from t2tl_jax.runs.metrics_file import EPISODE_COLUMNS, MetricsFile
 
 
@@ -22,22 +23,26 @@ class CSVLogger(Callback):
 
     def on_start(self, progress: TrainingProgress) -> None:
         """Open the file; MetricsFileError if it does not reach the checkpoint."""
-        self._file = MetricsFile(self._path, progress.done)
+        with writing(self._path):
+            self._file = MetricsFile(self._path, progress.done)
 
     def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
         """Append the rows."""
         assert self._file is not None
-        self._file.append(rows)
+        with writing(self._path):
+            self._file.append(rows)
 
     def on_checkpoint(self, progress: TrainingProgress) -> None:
         """Force the rows to the disk."""
         assert self._file is not None
-        self._file.sync()
+        with writing(self._path):
+            self._file.sync()
 
     def on_end(self, progress: TrainingProgress) -> None:
         """Close the file."""
         if self._file is not None:
-            self._file.close()
+            with writing(self._path):
+                self._file.close()
 
 
 class TensorBoardLogger(Callback):

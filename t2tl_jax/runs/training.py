@@ -1,7 +1,7 @@
 """A training from its start, or from its last checkpoint, to its end: compile, iterate, save, tell the callbacks."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,7 +10,6 @@ import jax
 import numpy as np
 
 from t2tl_jax.errors import UserError
-from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import loop, pretraining
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
@@ -32,6 +31,9 @@ from t2tl_jax.training import transfer
 from t2tl_jax.training.devices import place
 from t2tl_jax.training.program import place_params
 from t2tl_jax.training.types import Metrics
+
+ENDS = ("complete", "converged", "success")
+"""Why a training ends that is not to go on."""
 
 
 @dataclass
@@ -57,14 +59,21 @@ class Training:
     selection: Selection = field(init=False)
     scorer: Scorer | None = field(init=False, default=None)
     best: Any = field(init=False, default=None)
+    lacks_replay: bool = field(init=False, default=False)
 
     def run(self) -> Result:
         """Train to the end, or to a reason to stop.
 
         Raises:
-            UserError: if what a resumed run left cannot be used.
+            UserError: if what a resumed run left cannot be used, or its files cannot be written.
             Interrupted: if the user asks to stop before the first iteration is complete, or while compiling.
         """
+        try:
+            return self._run()
+        except CheckpointError as error:
+            raise UserError(str(error)) from error
+
+    def _run(self) -> Result:
         experiment, config = self.experiment, self.experiment.config
         frames = experiment.agent.frames_per_iteration
         path = None if self.paths is None else self.paths.path
@@ -83,6 +92,7 @@ class Training:
                 if not progress.stop:
                     progress.stop = "complete" if progress.done >= config.iterations else self._reason()
                 if not progress.stop:
+                    self._require_replay()
                     compiled, state = self._begin(state)
                     for callback in callbacks:
                         callback.on_start(progress)
@@ -100,12 +110,12 @@ class Training:
         return Result(experiment, params, self.past.arrays(), progress.done, progress.stop, path)
 
     def _open(self, stack: ExitStack) -> list[Callback]:
-        """Lock the run's folder; the callbacks that write its files."""
+        """Open the run's checkpoints; the callbacks that write its files."""
         paths = self.paths
         if paths is None:
             return []
-        stack.enter_context(run_folder.locked(paths))
         self.checkpoints = stack.enter_context(Checkpoints(paths.checkpoints))
+        self.checkpoints.clean()
         tensorboard = TensorBoardLogger(paths.path / "tensorboard")
         return [CSVLogger(paths.metrics), tensorboard, StatusFile(paths, self.progress)]
 
@@ -114,20 +124,14 @@ class Training:
         experiment, config = self.experiment, self.experiment.config
         state, earlier, selected = None, {}, None
         if self.checkpoints is not None and self.checkpoints.latest_iteration() is not None:
-            try:
-                info = self.checkpoints.info()
-                if tuple(info.get("seeds", ())) != experiment.lanes:
-                    raise UserError(f"{self.checkpoints.folder} holds other seeds than the configuration names")
-                done, state = self.checkpoints.restore(experiment.program.state)
-                _, self.best = self.checkpoints.restore_params("best", experiment.program.state.params)
-                if info.get("selection"):
-                    _, params = self.checkpoints.restore_params("selection", experiment.program.state.params)
-                    selected = Selected.of(params, info["selection"])
-            except CheckpointError as error:
-                raise UserError(str(error)) from error
-            state = place(state, experiment.program.sharding)
-            self.progress.done = self.progress.started_from = done
-            earlier = self._earlier(done)
+            stored = self.checkpoints.read(self._wanted, experiment.agent.replay)
+            self.checkpoints.put_aside(stored.damaged)
+            if stored.info.get("selection"):
+                selected = Selected.of(stored.items["selection"], stored.info["selection"])
+            state, self.best = place(stored.items["state"], experiment.program.sharding), stored.items["best"]
+            self.lacks_replay = stored.lacks_replay
+            self.progress.done = self.progress.started_from = stored.iteration
+            earlier = self._earlier(stored.iteration)
         seeds = len(experiment.lanes)
         self.past = History(earlier)
         self.convergence = Convergence(
@@ -136,6 +140,23 @@ class Training:
         self.selection = Selection(config, selected)
         self.success = SuccessWatch(seeds, window(config), earlier.get("success_rate"))
         return state
+
+    def _wanted(self, info: Mapping[str, Any]) -> dict[str, Any]:
+        """What is read of a checkpoint, with its shapes; UserError if it is one of other seeds."""
+        assert self.checkpoints is not None
+        if tuple(info.get("seeds", ())) != self.experiment.lanes:
+            raise UserError(f"{self.checkpoints.folder} holds other seeds than the configuration names")
+        state = self.experiment.program.state
+        sets = ("best", "selection") if info.get("selection") else ("best",)
+        return {"state": state} | dict.fromkeys(sets, state.params)
+
+    def _require_replay(self) -> None:
+        """UserError if the run ended in a checkpoint that it cannot go on from."""
+        if self.lacks_replay:
+            raise UserError(
+                f"{self.progress.folder} was complete, and its replay is not kept: it can be evaluated, but not "
+                "trained further. A run that is to go on later is trained with --run.keep-replay True"
+            )
 
     def _earlier(self, done: int) -> dict[str, np.ndarray]:
         """The metrics behind a checkpoint, by name float[seeds, done]."""
@@ -243,7 +264,8 @@ class Training:
                 callback.on_iteration(progress, new)
 
         def save(iteration: int, state: Any) -> None:
-            progress.train_seconds = time.monotonic() - begin
+            now = time.monotonic()
+            progress.train_seconds = now - begin
             for callback in callbacks:
                 callback.on_checkpoint(progress)
             best, going_on = self._best(iteration, state), self.selection.best
@@ -251,7 +273,13 @@ class Training:
             if self.checkpoints is not None:
                 info: dict[str, Any] = {"seeds": list(progress.seeds), "frames": iteration * frames}
                 info |= {"best": best and best.info(), "selection": going_on and going_on.info()}
-                self.checkpoints.save(iteration, state, info, self.best, going_on and going_on.params)
+                over = iteration >= progress.iterations or progress.stop in ENDS
+                self.checkpoints.save(
+                    *(iteration, state, info, self.best, going_on and going_on.params),
+                    replay=experiment.agent.replay,
+                    last=over and not config.run.keep_replay,
+                )
+            progress.checkpoint_seconds += time.monotonic() - now
 
         def stopping() -> bool:
             progress.stop = progress.stop or self._reason()
@@ -262,6 +290,8 @@ class Training:
             period = config.run.checkpoint_period if self.checkpoints is not None else float("inf")
             done, state = loop.run_loop(compiled.iterate, state, progress.done, progress.iterations, period, hooks)
         self._abandon_scorer()
+        if self.checkpoints is not None:
+            self.checkpoints.wait()
         progress.train_seconds = time.monotonic() - begin
         progress.stop = progress.stop if done < progress.iterations else "complete"
         return state
