@@ -5,6 +5,7 @@ resumed each time. When that one comes to its end it must equal the first one bi
 there were enough kills. What follows ``--`` are options of ``experiments.run``.
 """
 
+import itertools
 import json
 import os
 import random
@@ -58,17 +59,22 @@ def _main(texts: list[str]) -> int:
 
 def _check(arguments: Arguments, flags: list[str], base: Path) -> int:
     moments = random.Random(arguments.seed)
-    begin = time.monotonic()
-    _start([*flags, "--run.folder", str(base / "whole")], base / "whole.log", None)
-    seconds, whole = time.monotonic() - begin, _run_in(base / "whole")
-    if whole is None:
+    for name in ("whole", "again"):  # the second one finds its programs compiled, as all others will
+        begin = time.monotonic()
+        _start([*flags, "--run.folder", str(base / name)], base / f"{name}.log", None)
+        seconds = time.monotonic() - begin
+    whole, again = _run_in(base / "whole"), _run_in(base / "again")
+    if whole is None or again is None:
         raise UserError(f"the run came to nothing; see\n{(base / 'whole.log').read_text()}")
-    print(f"let alone it takes {seconds:.1f} s", flush=True)
+    if differing := _differences(whole, again):
+        raise UserError(f"two runs that were let alone differ in {', '.join(differing)}: there is nothing to compare")
+    print(f"let alone it takes {seconds:.1f} s, and gives the same twice", flush=True)
+    modules = [word for flag, name in itertools.pairwise(flags) if flag == "--import" for word in (flag, name)]
     kills, ends, wrong = 0, 0, 0
     while kills < arguments.kills or _run_in(base / f"killed{ends}") is not None:
         place, log = base / f"killed{ends}", base / f"killed{ends}.log"
         run = _run_in(place)
-        words = ["--resume", str(run)] if run else [*flags, "--run.folder", str(place)]
+        words = [*modules, "--resume", str(run)] if run else [*flags, "--run.folder", str(place)]
         after = moments.uniform(0, seconds) if kills < arguments.kills else None
         if not _start(words, log, after):
             kills += 1
@@ -77,9 +83,8 @@ def _check(arguments: Arguments, flags: list[str], base: Path) -> int:
         ends += 1
         differing = _differences(whole, _run_in(place) or place)
         wrong += bool(differing)
-        print(
-            f"end  {ends:2}: {'differs in ' + ', '.join(differing) if differing else 'equal bit for bit'}", flush=True
-        )
+        said = f"differs in {', '.join(differing)}" if differing else "equal bit for bit"
+        print(f"end  {ends:2}: {said}", flush=True)
     print(f"{kills} kills, {ends} runs that came to their end, {wrong} of them differ")
     return int(wrong > 0)
 
@@ -92,6 +97,7 @@ def _start(words: list[str], log: Path, kill_after: float | None) -> bool:
         file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
         os.dup2(file, 1)
         os.dup2(file, 2)
+        sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
         import experiments.run
 
         os._exit(experiments.run.main(words))

@@ -122,8 +122,8 @@ class DQNConfig(AdamLearnerConfig):
 
     @property
     def max_frames(self) -> int:
-        """Steps of all environments are counted (for `learning_starts`), and gradient steps (for `target_period`)."""
-        counted = self.unroll_length * max(self.num_envs, self.updates_per_step)
+        """Steps of each environment are counted, and gradient steps (for `target_period`)."""
+        counted = self.unroll_length * self.updates_per_step
         return checks.COUNTER_LIMIT // counted * self.frames_per_iteration
 
 
@@ -327,7 +327,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             state, done = interact(state, env_params, embedding, step, act_key)
 
             # UPDATE
-            ready = (step + 1) * config.num_envs > config.learning_starts
+            ready = step + 1 > config.learning_starts // config.num_envs  # without a product, which would overflow
             for i, update_key in enumerate(update_keys):
                 if i > 0:
                     state, embedding, pullback = encode(state, table, fixed, count + i)

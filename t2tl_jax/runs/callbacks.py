@@ -35,6 +35,8 @@ class TrainingProgress:
     """Devices that train."""
     done: int = 0
     """Iterations behind us."""
+    last_row: int = 0
+    """The iteration of the last row that stands for what was done: of very long runs, one stands for several."""
     started_from: int = 0
     """Iterations that earlier sessions of a resumed run had done."""
     pretraining_seconds: float = 0.0

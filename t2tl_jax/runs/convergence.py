@@ -6,6 +6,7 @@ progress: there it is the distance from the optimum, the regret, that no longer 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -75,6 +76,19 @@ class Convergence:
     def reached(self) -> bool:
         """Whether training may stop."""
         return bool(self._done.all())
+
+    def info(self) -> dict[str, Any]:
+        """What it knows, as JSON."""
+        return {
+            "returns": [values.tolist() for values in self._returns],
+            "regrets": [values.tolist() for values in self._regrets],
+            "done": self._done.tolist(),
+        }
+
+    def go_on(self, info: Mapping[str, Any]) -> None:
+        """Know what `info` says, as far as a window that was changed meanwhile needs it."""
+        self._returns, self._regrets = ([np.array(x, float) for x in info[name]] for name in ("returns", "regrets"))
+        self._done = np.array(info["done"], bool)
 
     def _add(self, returns: np.ndarray, optimal: np.ndarray) -> None:
         window = self._config.window

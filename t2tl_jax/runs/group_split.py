@@ -52,7 +52,8 @@ def split(experiment: "Group", group: RunFolder, runs: Mapping[Path, Config]) ->
         _write_metrics(group, run, done, part, experiment.seeds_of_one)
         run_folder.write_json(run.status, _status(group, path, part, experiment))
         with Checkpoints(run.checkpoints) as checkpoints:
-            own = info | {"seeds": list(experiment.seeds_of_one)}
+            own = {name: value for name, value in info.items() if name != "watch"}  # of all lanes
+            own |= {"seeds": list(experiment.seeds_of_one)}
             own |= {name: _sliced_info(info[name], part) for name in ("best", "selection")}
             sets = _sliced(state, part), own, _sliced(best, part), _sliced(selection, part)
             checkpoints.save(done, *sets, replay=replay, last=stored.lacks_replay)

@@ -5,6 +5,7 @@ evaluation episodes of the final parameters alone, see `t2tl_jax.evaluation.repo
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -69,6 +70,15 @@ class SuccessWatch:
     def all(self) -> bool:
         """Whether every seed is above 95 % now."""
         return bool((self.since > 0).all())
+
+    def info(self) -> dict[str, Any]:
+        """What it knows, as JSON."""
+        return {"since": self._since.tolist(), "count": self._count.tolist(), "iteration": self._iteration}
+
+    def go_on(self, info: Mapping[str, Any]) -> None:
+        """Know what `info` says."""
+        self._since, self._count = np.array(info["since"]), np.array(info["count"])
+        self._iteration = info["iteration"]
 
     def _add(self, success_rate: np.ndarray) -> None:
         self._iteration += 1

@@ -20,13 +20,16 @@ from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.history import History
 from t2tl_jax.runs.interrupts import Interrupted, Stoppable
-from t2tl_jax.runs.loggers import CSVLogger, TensorBoardLogger
-from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to, rows
+from t2tl_jax.runs.loggers import CSVLogger
+from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to
 from t2tl_jax.runs.prefetch import Prefetch
 from t2tl_jax.runs.result import Result
+from t2tl_jax.runs.rows import Rows, make_rows
 from t2tl_jax.runs.selection import Scorer, Selected, Selection
 from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.runs.success import SuccessWatch, window
+from t2tl_jax.runs.tensorboard import TensorBoardLogger
+from t2tl_jax.runs.thinning import Thinning
 from t2tl_jax.training import transfer
 from t2tl_jax.training.devices import place
 from t2tl_jax.training.program import place_params
@@ -54,6 +57,7 @@ class Training:
     progress: TrainingProgress = field(init=False)
     checkpoints: Checkpoints | None = field(init=False, default=None)
     past: History = field(init=False)
+    thinning: Thinning = field(init=False)
     convergence: Convergence = field(init=False)
     success: SuccessWatch = field(init=False)
     selection: Selection = field(init=False)
@@ -96,7 +100,7 @@ class Training:
                     compiled, state = self._begin(state)
                     for callback in callbacks:
                         callback.on_start(progress)
-                    state = self._iterate(compiled, state, callbacks)
+                    state = self._iterate(compiled, state, [self.past, *files])
             except Interrupted:
                 progress.stop = "interrupted"
                 raise
@@ -122,7 +126,7 @@ class Training:
     def _restore(self) -> Any:
         """The state behind the newest checkpoint, on the devices; None where there is none."""
         experiment, config = self.experiment, self.experiment.config
-        state, earlier, selected = None, {}, None
+        state, earlier, selected, info = None, {}, None, {}
         if self.checkpoints is not None and self.checkpoints.latest_iteration() is not None:
             stored = self.checkpoints.read(self._wanted, experiment.agent.replay)
             self.checkpoints.put_aside(stored.damaged)
@@ -131,14 +135,20 @@ class Training:
             state, self.best = place(stored.items["state"], experiment.program.sharding), stored.items["best"]
             self.lacks_replay = stored.lacks_replay
             self.progress.done = self.progress.started_from = stored.iteration
-            earlier = self._earlier(stored.iteration)
+            info, stored_rows = stored.info, stored.info.get("rows", {})
+            self.progress.last_row = stored_rows.get("last", stored.iteration)  # early versions had every row
+            earlier = self._earlier(stored.iteration, self.progress.last_row)
         seeds = len(experiment.lanes)
+        self.thinning = Thinning(config.iterations, experiment.lanes, info.get("rows"))
         self.past = History(earlier)
         self.convergence = Convergence(
             config.convergence, seeds, earlier.get("discounted_return"), earlier.get("optimal_return")
         )
         self.selection = Selection(config, selected)
         self.success = SuccessWatch(seeds, window(config), earlier.get("success_rate"))
+        if info.get("watch"):  # the rows of the file are too few to say
+            self.success.go_on(info["watch"]["success"])
+            self.convergence.go_on(info["watch"]["convergence"])
         return state
 
     def _wanted(self, info: Mapping[str, Any]) -> dict[str, Any]:
@@ -158,14 +168,17 @@ class Training:
                 "trained further. A run that is to go on later is trained with --run.keep-replay True"
             )
 
-    def _earlier(self, done: int) -> dict[str, np.ndarray]:
-        """The metrics behind a checkpoint, by name float[seeds, done]."""
+    def _earlier(self, done: int, last: int) -> dict[str, np.ndarray]:
+        """The metrics behind a checkpoint, by name float[seeds, rows]; the last row is of iteration `last`."""
         assert self.paths is not None
         going_on = done < self.experiment.config.iterations
         try:
-            if going_on:
-                lines_up_to(self.paths.metrics, done)  # the logger would say the same, but after compiling
-            return {name: values[:, :done] for name, values in history(self.paths.metrics).items()}
+            if going_on and last:
+                lines_up_to(self.paths.metrics, last)  # the logger would say the same, but after compiling
+            curves = history(self.paths.metrics) if last else {}
+            frames = np.nanmax(curves["frames"], axis=0) if curves else np.zeros(0)
+            behind = frames <= last * self.progress.frames_per_iteration
+            return {name: values[:, behind] for name, values in curves.items()}
         except MetricsFileError as error:
             if not going_on:  # the parameters can be used without
                 return {}
@@ -226,8 +239,11 @@ class Training:
             return self.selection.with_last(iteration, state.params, self.scorer(state.params))
         return selected
 
-    def _iterate(self, compiled: Compiled, state: Any, callbacks: Sequence[Callback]) -> Any:
-        """Train from where the run stands to its end, or to a reason to stop, and return the last state."""
+    def _iterate(self, compiled: Compiled, state: Any, recorders: Sequence[Callback]) -> Any:
+        """Train from where the run stands to its end, or to a reason to stop, and return the last state.
+
+        The recorders are given rows that may stand for several iterations; the callbacks of the user, every iteration.
+        """
         experiment, progress = self.experiment, self.progress
         program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
         env_params = program.env_params
@@ -253,27 +269,40 @@ class Training:
 
         def record(iteration: int, metrics: Metrics) -> None:
             progress.done, progress.train_seconds = iteration, time.monotonic() - begin
-            new = rows(metrics, iteration, iteration * frames, progress.seeds)
+            pool, more = (iteration - 1) // config.pool.period, {}
             if experiment.pools is not None:
-                for row, optimum in zip(new, optima[(iteration - 1) // config.pool.period], strict=True):
-                    row["optimal_return"] = optimum
+                more["optimal_return"] = np.array(optima[pool])
+            at = iteration, iteration * frames
+            new = make_rows(metrics, *at, progress.seeds, more)
             self.convergence.add(new)
             self.success.add(new)
-            progress.success_since = tuple(int(since) for since in self.success.since)
-            for callback in callbacks:
+            progress.success_since = tuple(self.success.since.tolist())
+            write(self.thinning.add(new, *at, metrics, more))
+            for callback in self.callbacks:
                 callback.on_iteration(progress, new)
+
+        def write(complete: Rows | None) -> None:
+            progress.last_row = self.thinning.last
+            if complete is not None:
+                for callback in recorders:
+                    callback.on_iteration(progress, complete)
 
         def save(iteration: int, state: Any) -> None:
             now = time.monotonic()
             progress.train_seconds = now - begin
-            for callback in callbacks:
+            over = iteration >= progress.iterations or progress.stop in ENDS
+            if over:
+                write(self.thinning.flush(iteration, iteration * frames))
+            for callback in (*recorders, *self.callbacks):
                 callback.on_checkpoint(progress)
             best, going_on = self._best(iteration, state), self.selection.best
             self.best = None if best is None else best.params
             if self.checkpoints is not None:
                 info: dict[str, Any] = {"seeds": list(progress.seeds), "frames": iteration * frames}
                 info |= {"best": best and best.info(), "selection": going_on and going_on.info()}
-                over = iteration >= progress.iterations or progress.stop in ENDS
+                info["rows"] = self.thinning.info()
+                if self.thinning.stride > 1:
+                    info["watch"] = {"success": self.success.info(), "convergence": self.convergence.info()}
                 self.checkpoints.save(
                     *(iteration, state, info, self.best, going_on and going_on.params),
                     replay=experiment.agent.replay,
