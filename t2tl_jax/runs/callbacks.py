@@ -4,15 +4,15 @@ Callbacks run on the host between iterations, in the order in which they are giv
 training, and the others are told of the end. `loggers.py` and `progress_bar.py` hold those of this project.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.rows import Row
 
-Row = Mapping[str, float | int | None]
-"""One iteration of one seed by name, as in ``metrics.csv``; None for an average over no episodes."""
+__all__ = ["Callback", "Row", "TrainingProgress"]
 
 
 @dataclass

@@ -129,6 +129,7 @@ class Checkpoints:
         selection: Any = None,
         replay: str = "",
         last: bool = False,
+        seeds: int | None = None,
     ) -> None:
         """Copy what belongs to a checkpoint to the host, and write it in a thread. Waits for the one before it.
 
@@ -141,6 +142,7 @@ class Checkpoints:
             selection: parameters, if there are any.
             replay: field of the state that holds what was experienced; '' if none does.
             last: leave the replay out, here and in the checkpoint before: nothing is to follow.
+            seeds: how many there are, where leading axes of the state are filled up beyond that; by default all.
 
         Raises:
             CheckpointError: if the checkpoint before this one could not be written.
@@ -151,7 +153,7 @@ class Checkpoints:
         trees |= {} if selection is None else {"selection": selection}
         trees |= {} if last or not replay else {REPLAY: getattr(train_state, replay)}
         kept = "" if not replay else "left out" if last else "kept"
-        on_host = {name: host_arrays.copied(tree) for name, tree in trees.items()}
+        on_host = {name: host_arrays.copied(tree, seeds) for name, tree in trees.items()}
         about = dict(info)  # the training goes on, and may change its own
         self._writing = self._writer.submit(self._write, iteration, on_host, about, kept)
 

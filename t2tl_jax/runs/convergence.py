@@ -12,6 +12,7 @@ import numpy as np
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.runs.rows import column
 
 
 @dataclass(frozen=True)
@@ -63,14 +64,12 @@ class Convergence:
         self._regrets: list[np.ndarray] = []
         self._done = np.zeros(seeds, bool)
         if returns is not None:
-            for column, best in zip(returns.T, np.zeros_like(returns.T) if optimal is None else optimal.T, strict=True):
-                self._add(column, best)
+            for one, best in zip(returns.T, np.zeros_like(returns.T) if optimal is None else optimal.T, strict=True):
+                self._add(one, best)
 
     def add(self, rows: Sequence[Mapping[str, float | int | None]]) -> None:
         """Take in one iteration: a row of ``metrics.csv`` for every seed."""
-        returns, optimal = ([row.get(name, 0.0) for row in rows] for name in ("discounted_return", "optimal_return"))
-        known = [np.nan if value is None else value for value in returns]
-        self._add(np.array(known, np.float64), np.array(optimal, np.float64))
+        self._add(column(rows, "discounted_return"), column(rows, "optimal_return"))
 
     @property
     def reached(self) -> bool:

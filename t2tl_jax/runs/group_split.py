@@ -32,7 +32,7 @@ def split(experiment: "Group", group: RunFolder, runs: Mapping[Path, Config]) ->
     """
     count = len(experiment.seeds_of_one)
     with Checkpoints(group.checkpoints) as checkpoints:
-        shapes, replay = experiment.program.state, experiment.agent.replay
+        shapes, replay = experiment.program.stored, experiment.agent.replay
         params = shapes.params
 
         def wanted(info: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,15 +9,15 @@ import jax
 import numpy as np
 
 
-def copied(tree: Any) -> Any:
-    """A tree of arrays on the host, which nothing else writes to.
+def copied(tree: Any, count: int | None = None) -> Any:
+    """A tree of arrays on the host, which nothing else writes to; the first `count` entries of leading axes, or all.
 
     On a CPU a plain transfer is a view of memory that the next iteration may overwrite; elsewhere it is a copy already.
     """
 
     def own(x: Any, got: Any) -> np.ndarray:
         shared = not isinstance(x, jax.Array) or any(device.platform == "cpu" for device in x.devices())
-        return _storable(np.array(got, copy=True) if shared else np.asarray(got))
+        return _storable(np.array(got[:count], copy=True) if shared else np.asarray(got)[:count])
 
     plain = _unwrap_keys(tree)
     return jax.tree.map(own, plain, jax.device_get(plain))

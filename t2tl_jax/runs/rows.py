@@ -6,8 +6,10 @@ from typing import Any, overload
 
 import numpy as np
 
-from t2tl_jax.runs.callbacks import Row
 from t2tl_jax.training.types import EpisodeTotals, Metrics
+
+Row = Mapping[str, float | int | None]
+"""One iteration of one seed by name, as in ``metrics.csv``; None for an average over no episodes."""
 
 
 class Rows(Sequence[Row]):
@@ -37,6 +39,14 @@ class Rows(Sequence[Row]):
     @cached_property
     def _rows(self) -> list[Row]:
         return [dict(zip(self.cells, row, strict=True)) for row in zip(*self.cells.values(), strict=True)]
+
+
+def column(rows: Sequence[Row], name: str) -> np.ndarray:
+    """One metric of all seeds, float64[seeds]: NaN where a row has None, 0 where it has no such metric."""
+    if isinstance(rows, Rows):
+        values = rows.columns.get(name)
+        return np.zeros(len(rows)) if values is None else np.ma.filled(values.astype(np.float64), np.nan)
+    return np.array([np.nan if row.get(name, 0.0) is None else row.get(name, 0.0) for row in rows], np.float64)
 
 
 def make_rows(

@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import jax
 import numpy as np
 
 from t2tl_jax.errors import UserError
@@ -109,7 +108,7 @@ class Training:
                 _end(planned, progress)
         if progress.done == 0:
             raise Interrupted(f"before the first iteration was complete: {progress.stop}")
-        final = jax.device_get(state.params)  # both as arrays of the host: one program plays them
+        final = self._own(state)  # both as arrays of the host: one program plays them
         params: dict[Which, Any] = {"final": final, "best": final if self.best is None else self.best}
         return Result(experiment, params, self.past.arrays(), progress.done, progress.stop, path)
 
@@ -156,7 +155,7 @@ class Training:
         assert self.checkpoints is not None
         if tuple(info.get("seeds", ())) != self.experiment.lanes:
             raise UserError(f"{self.checkpoints.folder} holds other seeds than the configuration names")
-        state = self.experiment.program.state
+        state = self.experiment.program.stored
         sets = ("best", "selection") if info.get("selection") else ("best",)
         return {"state": state} | dict.fromkeys(sets, state.params)
 
@@ -229,15 +228,19 @@ class Training:
         if self.scorer is not None:
             self.scorer.check()
             if self.selection.competes(iteration):
-                self.selection.add(iteration, state.params, self.scorer(state.params))
+                self.selection.add(iteration, self._own(state), self.scorer(state.params))
 
     def _best(self, iteration: int, state: Any) -> Selected | None:
         """What was selected. Those that a run ends with compete too, for itself only: when it goes on, they never did,
         so that it selects what an uninterrupted run does."""
         selected = self.selection.best
         if self.progress.stop and self.scorer is not None and selected and not self.selection.competes(iteration):
-            return self.selection.with_last(iteration, state.params, self.scorer(state.params))
+            return self.selection.with_last(iteration, self._own(state), self.scorer(state.params))
         return selected
+
+    def _own(self, state: Any) -> Any:
+        """The parameters of the seeds themselves, on the host."""
+        return self.experiment.program.unpadded(state.params)
 
     def _iterate(self, compiled: Compiled, state: Any, recorders: Sequence[Callback]) -> Any:
         """Train from where the run stands to its end, or to a reason to stop, and return the last state.
@@ -269,6 +272,7 @@ class Training:
 
         def record(iteration: int, metrics: Metrics) -> None:
             progress.done, progress.train_seconds = iteration, time.monotonic() - begin
+            metrics = program.unpadded(metrics)
             pool, more = (iteration - 1) // config.pool.period, {}
             if experiment.pools is not None:
                 more["optimal_return"] = np.array(optima[pool])
@@ -306,6 +310,7 @@ class Training:
                 self.checkpoints.save(
                     *(iteration, state, info, self.best, going_on and going_on.params),
                     replay=experiment.agent.replay,
+                    seeds=program.count,
                     last=over and not config.run.keep_replay,
                 )
             progress.checkpoint_seconds += time.monotonic() - now
