@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from t2tl_jax.errors import UserError
-from t2tl_jax.runs import loop, pretraining
+from t2tl_jax.runs import chunks, loop, pretraining
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 from t2tl_jax.runs.compilation import Compiled
@@ -63,6 +63,8 @@ class Training:
     scorer: Scorer | None = field(init=False, default=None)
     best: Any = field(init=False, default=None)
     lacks_replay: bool = field(init=False, default=False)
+    width: int = field(init=False, default=0)
+    """Seeds that are on the devices together; 0 until that is known."""
 
     def run(self) -> Result:
         """Train to the end, or to a reason to stop.
@@ -131,8 +133,8 @@ class Training:
             self.checkpoints.put_aside(stored.damaged)
             if stored.info.get("selection"):
                 selected = Selected.of(stored.items["selection"], stored.info["selection"])
-            state, self.best = place(stored.items["state"], experiment.program.sharding), stored.items["best"]
-            self.lacks_replay = stored.lacks_replay
+            state, self.best = stored.items["state"], stored.items["best"]
+            self.lacks_replay, self.width = stored.lacks_replay, stored.info.get("width", 0)
             self.progress.done = self.progress.started_from = stored.iteration
             info, stored_rows = stored.info, stored.info.get("rows", {})
             self.progress.last_row = stored_rows.get("last", stored.iteration)  # early versions had every row
@@ -205,7 +207,9 @@ class Training:
                 encoder = pretraining.encoder(experiment, first)
                 progress.notes["pretraining"] = pretraining.summary(first)
             begin = clock()
-            compiled = self.stop.call(compilation.result, "while compiling")
+            self.width, compiled = self.stop.call(
+                lambda: chunks.fit(experiment, compilation, self.width), "while compiling"
+            )
             progress.compile_wait_seconds = clock() - begin
         except BaseException:
             self.stop.abandon(compilation.thread)
@@ -215,7 +219,9 @@ class Training:
             state = compiled.init(program.keys, program.env_params)
             if encoder is not None:
                 state = transfer.adopt(experiment.agent, state, encoder, program.sharding)
-        return compiled, state
+        if self.width < program.count:
+            return compiled, chunks.on_host(state)
+        return compiled, state if fresh else place(state, program.sharding)
 
     def _abandon_scorer(self) -> None:
         if self.scorer is not None:
@@ -304,7 +310,7 @@ class Training:
             if self.checkpoints is not None:
                 info: dict[str, Any] = {"seeds": list(progress.seeds), "frames": iteration * frames}
                 info |= {"best": best and best.info(), "selection": going_on and going_on.info()}
-                info["rows"] = self.thinning.info()
+                info |= {"rows": self.thinning.info(), "width": self.width}
                 if self.thinning.stride > 1:
                     info["watch"] = {"success": self.success.info(), "convergence": self.convergence.info()}
                 self.checkpoints.save(
