@@ -37,6 +37,12 @@ ASIDE = "damaged_checkpoints"
 """Folder beside the checkpoints, for those that a resumed run could not read."""
 
 
+OTHER_REPLAY = (
+    "It may be of an earlier version, which kept a replay with context in another form: such a run can be loaded, "
+    "evaluated and compared, but not trained further."
+)
+
+
 class CheckpointError(ValueError):
     """A checkpoint is missing, incomplete or made for something else; the message says what to do."""
 
@@ -168,6 +174,7 @@ class Checkpoints:
             CheckpointError: if there is none, none can be read, or arrays differ from what is wanted.
         """
         problems: dict[int, Damaged] = {}
+        info: dict[str, Any] = {STORED: {}}
         for iteration in reversed(self._require_some()):
             try:
                 info = self._info(iteration)
@@ -179,7 +186,10 @@ class Checkpoints:
                 first = next(iter(problems.values()))
                 warnings.warn(f"{first}\nThe one before is used, of iteration {iteration:,}.", Note, stacklevel=2)
             return Stored(iteration, info, items, tuple(problems))
-        raise next(iter(problems.values()))
+        first = next(iter(problems.values()))
+        if replay and STORED not in info:
+            raise CheckpointError(f"{first}\n{OTHER_REPLAY}") from first
+        raise first
 
     def restore(self, like: Any) -> tuple[int, Any]:
         """The newest training state that can be read, and its iteration; `like` and errors as for `read`."""
@@ -234,6 +244,7 @@ class Checkpoints:
                 for other in self.folder.glob(f"*/{REPLAY}"):
                     shutil.rmtree(other, ignore_errors=True)
         except Exception as error:  # Orbax raises many kinds; a full disk is an OSError or a ValueError
+            logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # which says of each array what is said here
             self.clean()
             raise CheckpointError(
                 f"cannot write checkpoint {self.folder / str(iteration)}: {_reason(error)}\n"

@@ -156,3 +156,15 @@ def test_the_replay_of_a_complete_run_is_left_out(folder):
         assert stored.iteration == 3 and stored.lacks_replay and stored.items["state"].replay == ()
     assert not list(folder.glob("*/replay"))  # nor in the one before, which is still read for its parameters
     assert json.loads((folder / "2" / "info" / "metadata").read_text())["stored"]["replay"] == "kept"
+
+
+def test_a_state_of_a_version_with_another_replay_is_told(tmp_path, monkeypatch):
+    """Early versions kept the replay within the state; one of the same form is read, another one is refused."""
+    with Checkpoints(tmp_path) as checkpoints:
+        checkpoints.save(1, state(1), {})
+        checkpoints.wait()
+        monkeypatch.setattr(checkpoints, "_info", lambda _: {})  # which said nothing of replay
+        assert checkpoints.read(wanted, "replay").items["state"].replay["obs"].shape == (2, 50)
+        other = dataclasses.replace(state(0), replay={"obs": jnp.zeros((2, 50)), "filled": jnp.zeros((2, 50))})
+        with pytest.raises(CheckpointError, match=r"(?s)earlier version.*but not trained further"):
+            checkpoints.read(lambda _: {"state": other}, "replay")

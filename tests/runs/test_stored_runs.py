@@ -84,6 +84,27 @@ def test_a_run_without_checkpoint_starts_over(train, resume):
 
 
 @pytest.mark.slow
+def test_a_damaged_checkpoint_is_said_and_changes_nothing(train, resume, evaluate_run, capsys):
+    """The one before it is taken, to be evaluated and to go on from."""
+    whole = train("--frames", "300", "--run.evaluation-episodes", "0", "--run.checkpoint-period", "0")
+    broken = train("--frames", "300", "--run.evaluation-episodes", "0", "--run.checkpoint-period", "0")
+    for path in (broken / "checkpoints" / "3" / "latest").rglob("*"):
+        if path.is_file():
+            path.write_bytes(path.read_bytes()[:-1])
+    capsys.readouterr()
+    assert evaluate_run(broken, "--episodes", "4") == 0
+    assert "note: cannot read 'latest' of checkpoint" in capsys.readouterr().out
+    for path in (broken / "checkpoints" / "3" / "state").rglob("*"):
+        if path.is_file():
+            path.write_bytes(path.read_bytes()[:-1])
+    assert resume(broken, "--run.evaluation-episodes", "0") == 0
+    shown = capsys.readouterr().out
+    assert "note: cannot read 'state' of checkpoint" in shown and "resuming after iteration 2" in shown
+    assert_same_run(whole, broken)
+    assert (broken / "damaged_checkpoints" / "3").is_dir()
+
+
+@pytest.mark.slow
 def test_each_seed_equals_a_run_of_that_seed_alone(train):
     together = train("--frames", "500", "--seeds", "0,3,7", "--run.evaluation-episodes", "0")
     alone = train("--frames", "500", "--seeds", "3,", "--run.evaluation-episodes", "0")
