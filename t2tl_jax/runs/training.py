@@ -140,7 +140,8 @@ class Training:
             self.progress.last_row = stored_rows.get("last", stored.iteration)  # early versions had every row
             earlier = self._earlier(stored.iteration, self.progress.last_row)
         seeds = len(experiment.lanes)
-        self.thinning = Thinning(config.iterations, experiment.lanes, info.get("rows"))
+        rows = info.get("rows", {"last": self.progress.last_row})
+        self.thinning = Thinning(config.iterations, experiment.lanes, rows)
         self.past = History(earlier)
         self.convergence = Convergence(
             config.convergence, seeds, earlier.get("discounted_return"), earlier.get("optimal_return")
