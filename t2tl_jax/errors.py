@@ -22,6 +22,10 @@ def unknown(kind: str, given: str, known: Iterable[str]) -> UserError:
     return UserError(f"unknown {kind} {given!r}; did you mean {nearest(given, names)!r}?\nKnown: {', '.join(names)}")
 
 
+class Note(UserWarning):
+    """Something the user should know although the work goes on; commands print it as a note."""
+
+
 @contextmanager
 def explained() -> Iterator[None]:
     """Around what the user gave: a ``ValueError`` of the library becomes a ``UserError`` in its words."""

@@ -1,10 +1,12 @@
 """How a command of this package ends: a message that fits on one screen instead of a traceback."""
 
 import sys
+import warnings
 from collections.abc import Callable
+from typing import Any
 
 from experiments.cli.plugins import FLAG
-from t2tl_jax.errors import NotRegistered, UserError
+from t2tl_jax.errors import Note, NotRegistered, UserError
 
 INVALID = 2
 """Exit code for input that cannot be used."""
@@ -17,7 +19,10 @@ def guarded(command: Callable[[], int]) -> int:
         What the command returns, ``INVALID`` after a ``UserError``, 130 after Ctrl-C outside of training.
     """
     try:
-        return command()
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", Note)
+            warnings.showwarning = _show
+            return command()
     except UserError as error:
         print(f"error: {error}", file=sys.stderr)
         if isinstance(error, NotRegistered):
@@ -29,3 +34,12 @@ def guarded(command: Callable[[], int]) -> int:
     except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough
         sys.stderr.close()
         return 0
+
+
+def _show(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
+) -> None:
+    if issubclass(category, Note):
+        print(f"note: {message}", flush=True)
+    else:
+        print(warnings.formatwarning(message, category, filename, lineno), file=sys.stderr, end="")

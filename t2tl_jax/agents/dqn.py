@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, ClassVar
 
-import flashbax
 import jax
 import jax.numpy as jnp
 import optax
@@ -19,6 +18,7 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
+from t2tl_jax.agents.replay import make_replay
 from t2tl_jax.agents.shaping import potential
 from t2tl_jax.agents.td_learning import Transition, code_change, dqn_loss
 from t2tl_jax.ltl import TaskTable
@@ -123,8 +123,8 @@ class DQNConfig(AdamLearnerConfig):
 
     @property
     def max_frames(self) -> int:
-        """Steps of all environments are counted (for `learning_starts`), and gradient steps (for `target_period`)."""
-        counted = self.unroll_length * max(self.num_envs, self.updates_per_step)
+        """Steps of each environment are counted, and gradient steps (for `target_period`)."""
+        counted = self.unroll_length * self.updates_per_step
         return checks.COUNTER_LIMIT // counted * self.frames_per_iteration
 
 
@@ -138,7 +138,7 @@ class DQNState:
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
     carry: Carry  # the context window of every environment, leading axis [N]; () without context
-    buffer: Any  # flashbax's state
+    buffer: Any  # flashbax's state, see `replay.py`
     key: jax.Array
     iteration: jax.Array  # int32
 
@@ -170,9 +170,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         task_encoder_learning_rate=config.task_encoder_learning_rate,
         freeze_task_encoder=config.freezes_task_encoder,
     )
-    replay = flashbax.make_item_buffer(
-        config.buffer_size, min_length=1, sample_batch_size=config.batch_size, add_batches=True
-    )
+    replay = make_replay(config.buffer_size, config.batch_size, config.num_envs, config.network.context)
 
     def embed(params: Params, table: TaskTable) -> jax.Array:
         return apply(params, table, method="embed")
@@ -299,7 +297,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         every step; with gradients of zero Adam's moments and the parameters stay what they were, and only its counter
         has to be held.
         """
-        batch = replay.sample(state.buffer, key).experience
+        batch = replay.sample(state.buffer, key)
         movement = code_change(table, embedding, state.target_embedding) if codes_move else {}
 
         def loss(params: Params, embedding: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
@@ -333,7 +331,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             state, done = interact(state, env_params, embedding, step, act_key)
 
             # UPDATE
-            ready = (step + 1) * config.num_envs > config.learning_starts
+            ready = step + 1 > config.learning_starts // config.num_envs  # without a product, which would overflow
             for i, update_key in enumerate(update_keys):
                 if i > 0:
                     state, embedding, pullback = encode(state, table, fixed, count + i)
@@ -363,6 +361,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         remember=remember,
         compare=compare,
         map_params=map_params,
+        replay="buffer",
     )
 
 

@@ -10,7 +10,7 @@ import optax
 from flax import struct
 
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import Carry, without_newest, without_oldest
+from t2tl_jax.networks.context import without_newest, without_oldest
 from t2tl_jax.networks.q_network import QNetwork
 from t2tl_jax.task_env import Shared
 from t2tl_jax.training.types import Params
@@ -29,7 +29,7 @@ class Transition:
     row: jax.Array  # int32
     shared: Shared  # the letter of s', and what the environment itself paid and ended
     cut: jax.Array  # bool, ended by the time limit
-    steps: Carry = ()  # with context: the window that the policy acted on and, in one slot more, this step
+    steps: Any = ()  # with context: the window that the policy acted on and, in one slot more, this step
 
 
 def td_target(

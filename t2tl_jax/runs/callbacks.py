@@ -4,15 +4,15 @@ Callbacks run on the host between iterations, in the order in which they are giv
 training, and the others are told of the end. `loggers.py` and `progress_bar.py` hold those of this project.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.rows import Row
 
-Row = Mapping[str, float | int | None]
-"""One iteration of one seed by name, as in ``metrics.csv``; None for an average over no episodes."""
+__all__ = ["Callback", "Row", "TrainingProgress"]
 
 
 @dataclass
@@ -35,6 +35,8 @@ class TrainingProgress:
     """Devices that train."""
     done: int = 0
     """Iterations behind us."""
+    last_row: int = 0
+    """The iteration of the last row that stands for what was done: of very long runs, one stands for several."""
     started_from: int = 0
     """Iterations that earlier sessions of a resumed run had done."""
     pretraining_seconds: float = 0.0
@@ -47,6 +49,8 @@ class TrainingProgress:
     """What compiling took in this session, from its beginning to its end, beside whatever went on meanwhile."""
     train_seconds: float = 0.0
     """Wall clock that training took in this session, so far."""
+    checkpoint_seconds: float = 0.0
+    """What of that went by while training stood still for checkpoints, which are written beside it."""
     success_since: tuple[int, ...] = ()
     """By seed, the iteration from which on its success rate stayed above 95 %, counted from 1; 0 while it does not."""
     stop: str = ""

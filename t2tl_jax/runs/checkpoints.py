@@ -1,17 +1,25 @@
 """Checkpoints with Orbax: the whole training state for exact resumption, and the parameters alone for evaluation.
 
-A checkpoint is written under a temporary name and renamed when it is complete, so a killed process leaves the previous
-one intact. Nothing in it is code: arrays, and one JSON object.
+A checkpoint is written beside the training, in a thread, under a temporary name, and renamed when it is complete: a
+killed process or a full disk leaves the previous ones intact. It holds a checksum of every array, so that one that was
+damaged later is told, and the one before it is taken. Nothing in it is code: arrays, and one JSON object.
 """
 
 import logging
-from collections.abc import Mapping
+import shutil
+import warnings
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import jax
-import numpy as np
 import orbax.checkpoint as ocp
+
+from t2tl_jax.errors import Note
+from t2tl_jax.runs import host_arrays
+from t2tl_jax.runs.host_arrays import checksum, checksums
 
 Item = Literal["latest", "best", "selection"]
 """Sets of parameters: the latest ones, the best ones if the run ends here, and what it has selected if it goes on."""
@@ -19,16 +27,54 @@ Item = Literal["latest", "best", "selection"]
 KEPT = 2
 """How many checkpoints a run keeps: the latest, and the one before it in case the disk loses a file."""
 
+STATE, REPLAY, STORED = "state", "replay", "stored"
+"""Names on disk: the training state, what of it is replay, and in the JSON object what there is to know of both."""
+
+UNFINISHED = "*.orbax-checkpoint-tmp*"
+"""What a killed process leaves of the checkpoint that it was writing."""
+
+ASIDE = "damaged_checkpoints"
+"""Folder beside the checkpoints, for those that a resumed run could not read."""
+
+
+OTHER_REPLAY = (
+    "It may be of an earlier version, which kept a replay with context in another form: such a run can be loaded, "
+    "evaluated and compared, but not trained further."
+)
+
 
 class CheckpointError(ValueError):
     """A checkpoint is missing, incomplete or made for something else; the message says what to do."""
+
+
+class Damaged(CheckpointError):
+    """A checkpoint cannot be read although it is there."""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What was read of a checkpoint."""
+
+    iteration: int
+    """How many iterations led to it."""
+    info: dict[str, Any]
+    """Its JSON object."""
+    items: dict[str, Any]
+    """By name, as NumPy arrays and typed keys."""
+    damaged: tuple[int, ...] = ()
+    """Later checkpoints that could not be read, of which a `Note` was given."""
+
+    @property
+    def lacks_replay(self) -> bool:
+        """Whether the replay of its state was left out: it cannot be trained further."""
+        return self.info.get(STORED, {}).get(REPLAY) == "left out"
 
 
 class Checkpoints:
     """The checkpoints of one run, numbered by iteration. Use as a context manager, or call ``close``.
 
     Every array has a leading axis [seeds]. On disk are these items per checkpoint: ``state``, ``latest``, ``best`` and
-    perhaps ``selection`` (parameters), ``info`` (JSON).
+    perhaps ``selection`` (parameters) and ``replay`` (part of the state), ``info`` (JSON).
     """
 
     def __init__(self, folder: Path) -> None:
@@ -36,148 +82,222 @@ class Checkpoints:
         # Orbax reports every handler and commit at level INFO or WARNING; a user has no use for it.
         logging.getLogger("absl").setLevel(logging.ERROR)
         options = ocp.CheckpointManagerOptions(max_to_keep=KEPT, create=False, enable_async_checkpointing=False)
-        handlers = {name: ocp.StandardCheckpointHandler() for name in ("state", *get_args(Item))}
+        handlers = {name: ocp.StandardCheckpointHandler() for name in (STATE, REPLAY, *get_args(Item))}
         self._manager: ocp.CheckpointManager | None = None
         self._arguments = {"item_names": (*handlers, "info"), "options": options}
         self._arguments["item_handlers"] = {**handlers, "info": ocp.JsonCheckpointHandler()}
+        self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="checkpoint")
+        self._writing: Future[None] | None = None
 
     def __enter__(self) -> "Checkpoints":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        try:
+            self.close()
+        except CheckpointError:
+            if kind is None:  # else what went wrong before is what there is to say
+                raise
 
     def close(self) -> None:
-        """Release Orbax's threads."""
-        if self._manager is not None:
-            self._manager.close()
-            self._manager = None
+        """Wait for what is being written, and release Orbax's threads; raises as `wait`."""
+        try:
+            self.wait()
+        finally:
+            self._writer.shutdown()
+            self._close_manager()
+
+    def wait(self) -> None:
+        """Return when the last `save` is complete on disk.
+
+        Raises:
+            CheckpointError: if it could not be written; earlier checkpoints are as they were.
+        """
+        writing, self._writing = self._writing, None
+        if writing is not None:
+            writing.result()
 
     def latest_iteration(self) -> int | None:
         """Number of the newest complete checkpoint; None if there is none."""
-        if not self.folder.is_dir():
-            return None
-        return self._open().latest_step()
+        return max(self.iterations(), default=None)
+
+    def iterations(self) -> list[int]:
+        """Numbers of the complete checkpoints, in order."""
+        self.wait()
+        return sorted(self._open().all_steps()) if self.folder.is_dir() else []
 
     def save(
-        self, iteration: int, train_state: Any, info: Mapping[str, Any], best: Any = None, selection: Any = None
+        self,
+        iteration: int,
+        train_state: Any,
+        info: Mapping[str, Any],
+        best: Any = None,
+        selection: Any = None,
+        replay: str = "",
+        last: bool = False,
+        seeds: int | None = None,
     ) -> None:
-        """Write a checkpoint and return when it is complete on disk.
+        """Copy what belongs to a checkpoint to the host, and write it in a thread. Waits for the one before it.
 
         Args:
             iteration: how many iterations led to this state.
-            train_state: see ``t2tl_jax.training.types.TrainState``, with leading axis [seeds].
+            train_state: see ``t2tl_jax.training.types.TrainState``, with leading axis [seeds]; its memory may be used
+                for something else as soon as this returns.
             info: anything that JSON can hold.
             best: parameters, by default those of the state.
             selection: parameters, if there are any.
-        """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        items = {
-            "state": ocp.args.StandardSave(_to_host(train_state)),
-            "latest": ocp.args.StandardSave(_to_host(train_state.params)),
-            "best": ocp.args.StandardSave(_to_host(train_state.params if best is None else best)),
-            "info": ocp.args.JsonSave(dict(info)),
-        }
-        if selection is not None:
-            items["selection"] = ocp.args.StandardSave(_to_host(selection))
-        manager = self._open()
-        manager.save(iteration, args=ocp.args.Composite(**items), force=True)
-        manager.wait_until_finished()
+            replay: field of the state that holds what was experienced; '' if none does.
+            last: leave the replay out, here and in the checkpoint before: nothing is to follow.
+            seeds: how many there are, where leading axes of the state are filled up beyond that; by default all.
 
-    def restore(self, like: Any) -> tuple[int, Any]:
-        """The newest training state, as NumPy arrays and typed keys, and its iteration.
+        Raises:
+            CheckpointError: if the checkpoint before this one could not be written.
+        """
+        self.wait()
+        sets = {"latest": train_state.params, "best": train_state.params if best is None else best}
+        trees = {STATE: _without(train_state, replay)} | sets
+        trees |= {} if selection is None else {"selection": selection}
+        trees |= {} if last or not replay else {REPLAY: getattr(train_state, replay)}
+        kept = "" if not replay else "left out" if last else "kept"
+        on_host = {name: host_arrays.copied(tree, seeds) for name, tree in trees.items()}
+        about = dict(info)  # the training goes on, and may change its own
+        self._writing = self._writer.submit(self._write, iteration, on_host, about, kept)
+
+    def read(self, wanted: Callable[[dict[str, Any]], Mapping[str, Any]], replay: str = "") -> Stored:
+        """Some items of the newest checkpoint in which all of them can be read.
 
         Args:
-            like: shapes and dtypes of the state (``Program.state``).
+            wanted: what to read, with its shapes and dtypes, given the JSON object of the checkpoint.
+            replay: as in `save`; where it was left out, that field of the state is ``()``.
 
         Raises:
-            CheckpointError: if there is none, it cannot be read, or its arrays differ from ``like``.
+            CheckpointError: if there is none, none can be read, or arrays differ from what is wanted.
         """
-        iteration = self._require_latest()
-        return iteration, self._read(iteration, "state", like)
+        problems: dict[int, Damaged] = {}
+        info: dict[str, Any] = {STORED: {}}
+        for iteration in reversed(self._require_some()):
+            try:
+                info = self._info(iteration)
+                items = {name: self._item(iteration, name, like, info, replay) for name, like in wanted(info).items()}
+            except Damaged as error:
+                problems[iteration] = error
+                continue
+            if problems:
+                first = next(iter(problems.values()))
+                warnings.warn(f"{first}\nThe one before is used, of iteration {iteration:,}.", Note, stacklevel=2)
+            return Stored(iteration, info, items, tuple(problems))
+        first = next(iter(problems.values()))
+        if replay and STORED not in info:
+            raise CheckpointError(f"{first}\n{OTHER_REPLAY}") from first
+        raise first
 
-    def restore_params(self, which: Item, like: Any) -> tuple[int, Any]:
-        """One set of parameters of every seed, and the iteration of the checkpoint that holds them.
+    def restore(self, like: Any) -> tuple[int, Any]:
+        """The newest training state that can be read, and its iteration; `like` and errors as for `read`."""
+        stored = self.read(lambda _: {STATE: like})
+        return stored.iteration, stored.items[STATE]
 
-        Raises:
-            CheckpointError: as for ``restore``.
-        """
-        iteration = self._require_latest()
-        return iteration, self._read(iteration, which, like)
+    def put_aside(self, iterations: tuple[int, ...]) -> None:
+        """Move checkpoints out of the way of a training that goes on before them; they are not deleted."""
+        for iteration in iterations:
+            place = self.folder.parent / ASIDE / str(iteration)
+            place.parent.mkdir(exist_ok=True)
+            shutil.rmtree(place, ignore_errors=True)
+            (self.folder / str(iteration)).rename(place)
+        self._close_manager()
 
-    def info(self) -> dict[str, Any]:
-        """The JSON object of the newest checkpoint.
-
-        Raises:
-            CheckpointError: if there is no readable checkpoint.
-        """
-        iteration = self._require_latest()
-        return self._restore_item(iteration, "info", ocp.args.JsonRestore())
+    def clean(self) -> None:
+        """Remove what killed processes or a full disk left of unfinished checkpoints. Only who trains may do so."""
+        for unfinished in self.folder.glob(UNFINISHED):
+            shutil.rmtree(unfinished, ignore_errors=True)
 
     def _open(self) -> ocp.CheckpointManager:
         if self._manager is None:
             self._manager = ocp.CheckpointManager(self.folder, **self._arguments)
         return self._manager
 
-    def _require_latest(self) -> int:
-        iteration = self.latest_iteration()
-        if iteration is None:
+    def _close_manager(self) -> None:
+        if self._manager is not None:
+            self._manager.close()
+            self._manager = None
+
+    def _require_some(self) -> list[int]:
+        iterations = self.iterations()
+        if not iterations:
             raise CheckpointError(
                 f"{self.folder} holds no complete checkpoint: the run was stopped before its first one, or kept for "
                 "its figures alone, as those in results/ of this project are"
             )
-        return iteration
+        return iterations
 
-    def _read(self, iteration: int, item: str, like: Any) -> Any:
-        shapes = jax.eval_shape(_unwrap_keys, like)
-        target = jax.tree.map(lambda x: _storable(np.zeros(x.shape, x.dtype)), shapes)
-        restored = self._restore_item(iteration, item, ocp.args.StandardRestore(target))
-        wrong = [
-            f"{jax.tree_util.keystr(path)}: {np.shape(got)} on disk, {want.shape} expected"
-            for (path, want), got in zip(
-                jax.tree_util.tree_leaves_with_path(target), jax.tree.leaves(restored), strict=True
-            )
-            if np.shape(got) != want.shape or np.asarray(got).dtype != want.dtype
-        ]
-        if wrong:
+    def _write(self, iteration: int, trees: Mapping[str, Any], info: dict[str, Any], kept: str) -> None:
+        """The work of the thread."""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            stored = {"checksums": {name: checksums(tree) for name, tree in trees.items()}, REPLAY: kept}
+            info = {**info, STORED: stored}
+            items = {name: ocp.args.StandardSave(tree) for name, tree in trees.items()}
+            items["info"] = ocp.args.JsonSave({**info, "checksum": checksum(info)})
+            manager = self._open()
+            manager.save(iteration, args=ocp.args.Composite(**items), force=True)
+            manager.wait_until_finished()
+            if kept == "left out":
+                for other in self.folder.glob(f"*/{REPLAY}"):
+                    shutil.rmtree(other, ignore_errors=True)
+        except Exception as error:  # Orbax raises many kinds; a full disk is an OSError or a ValueError
+            logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # which says of each array what is said here
+            self.clean()
+            raise CheckpointError(
+                f"cannot write checkpoint {self.folder / str(iteration)}: {_reason(error)}\n"
+                "Earlier checkpoints are as they were; make room or mend the disk, and resume the run."
+            ) from error
+
+    def _info(self, iteration: int) -> dict[str, Any]:
+        info = self._from_disk(iteration, "info", ocp.args.JsonRestore())
+        if not isinstance(info, dict) or info.get("checksum", 0) != (checksum(info) if "checksum" in info else 0):
+            raise self._damaged(iteration, "info", "it is not what was written")
+        return info
+
+    def _item(self, iteration: int, name: str, like: Any, info: Mapping[str, Any], replay: str) -> Any:
+        stored = info.get(STORED, {})
+        if name != STATE or not stored.get(REPLAY):  # early versions kept the replay within the state
+            return self._arrays(iteration, name, like, stored)
+        if not replay:
+            raise ValueError("the replay of this state is stored apart; say which field it is")
+        state = self._arrays(iteration, STATE, _without(like, replay), stored)
+        if stored[REPLAY] == "left out":
+            return state
+        return replace(state, **{replay: self._arrays(iteration, REPLAY, getattr(like, replay), stored)})
+
+    def _arrays(self, iteration: int, name: str, like: Any, stored: Mapping[str, Any]) -> Any:
+        target = host_arrays.blank(like)
+        restored = self._from_disk(iteration, name, ocp.args.StandardRestore(target))
+        if wrong := host_arrays.differences(target, restored):
             raise CheckpointError(
                 f"checkpoint {self.folder / str(iteration)} belongs to another configuration or version:\n  "
                 + "\n  ".join(wrong[:5])
             )
-        return jax.tree.map(_rewrap_key, like, restored)
+        known = stored.get("checksums", {}).get(name)  # early versions wrote none
+        if known is not None and known != checksums(restored):
+            raise self._damaged(iteration, name, "its arrays are not what was written")
+        return jax.tree.map(host_arrays.as_in, like, restored)
 
-    def _restore_item(self, iteration: int, item: str, argument: Any) -> Any:
+    def _from_disk(self, iteration: int, item: str, argument: Any) -> Any:
         try:
             return self._open().restore(iteration, args=ocp.args.Composite(**{item: argument}))[item]
         except Exception as error:  # Orbax raises many kinds, from OSError to plain ValueError, for damaged files
-            reason = str(error).strip().splitlines()[0][:300] if str(error).strip() else type(error).__name__
-            raise CheckpointError(
-                f"cannot read '{item}' of checkpoint {self.folder / str(iteration)}: {reason}\n"
-                "It is damaged, or was written by another version or configuration. Checkpoints present: "
-                f"{', '.join(map(str, self._open().all_steps()))}; without the damaged folder the one before is used."
-            ) from error
+            raise self._damaged(iteration, item, _reason(error)) from error
+
+    def _damaged(self, iteration: int, item: str, reason: str) -> Damaged:
+        return Damaged(
+            f"cannot read '{item}' of checkpoint {self.folder / str(iteration)}: {reason}\n"
+            "It is damaged, or was written by another version or configuration. Checkpoints present: "
+            f"{', '.join(map(str, self.iterations()))}."
+        )
 
 
-def _is_key(x: Any) -> bool:
-    return jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key)
+def _without(state: Any, replay: str) -> Any:
+    return replace(state, **{replay: ()}) if replay else state
 
 
-def _unwrap_keys(tree: Any) -> Any:
-    """Typed keys as their ``uint32`` data, which every version of Orbax can store."""
-    return jax.tree.map(lambda x: jax.random.key_data(x) if _is_key(x) else x, tree)
-
-
-def _rewrap_key(like: Any, value: np.ndarray) -> Any:
-    if _is_key(like):
-        return jax.random.wrap_key_data(jax.numpy.asarray(value))
-    return value if like.size else np.zeros(like.shape, like.dtype)
-
-
-def _storable(x: np.ndarray) -> np.ndarray:
-    """Orbax refuses arrays without entries, such as the observations of an environment that shows nothing."""
-    return x if x.size else np.zeros(1, x.dtype)
-
-
-def _to_host(tree: Any) -> Any:
-    # A copy: on CPU a plain transfer is a view of memory that the next iteration may overwrite.
-    return jax.tree.map(lambda x: _storable(np.array(x, copy=True)), jax.device_get(_unwrap_keys(tree)))
+def _reason(error: Exception) -> str:
+    return str(error).strip().splitlines()[0][:300] if str(error).strip() else type(error).__name__

@@ -24,7 +24,7 @@ class Compilation:
 
     def __init__(self, program: Program, fresh: bool) -> None:
         """Begin; `init` is compiled only for a training that is `fresh`."""
-        self.fresh = fresh
+        self.program, self.fresh = program, fresh
         self._future: Future[Compiled] = Future()
         self.thread = threading.Thread(target=self._work, args=(program,), name="compilation")
         self.thread.start()

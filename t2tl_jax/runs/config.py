@@ -62,7 +62,10 @@ class RunConfig:
     folder: str = "runs"
     """Runs are stored in FOLDER/<config>/<time>."""
     checkpoint_period: float = 120.0
-    """Seconds between checkpoints; there is always one at the end."""
+    """Seconds between checkpoints, at least; there is always one at the end. They are written beside the training."""
+    keep_replay: bool = False
+    """Keep the replay of a training that has come to its end, so that it can go on with more frames. Until then replay
+    is always kept. Of learners without replay (PPO) nothing of this counts."""
     evaluation_episodes: Count = 100
     """Episodes per seed and policy (deterministic, sampled) of the evaluation after training; 0 for none."""
     gif: bool = True
@@ -71,6 +74,9 @@ class RunConfig:
     """Show a progress bar."""
     compilation_cache: str = field(default_factory=_default_cache)
     """Folder where compiled programs are kept, so that the next run starts sooner; '' for none."""
+    seeds_at_once: Count = 0
+    """The most seeds that are on the devices together; 0 for as many as fit into their memory. The others wait on the
+    host, and every iteration goes through all groups."""
     devices_per_seed: int = 0
     """The most devices that the environments of one seed are spread over, where there are more devices than seeds
     take; 0 is all of them on a CPU, where every core can be a device, and 1 on other hardware."""
@@ -78,7 +84,7 @@ class RunConfig:
     def __post_init__(self) -> None:
         if not self.checkpoint_period >= 0:  # inf is fine: none but the one at the end
             raise ValueError(f"checkpoint_period is in seconds and not negative, got {self.checkpoint_period}")
-        checks.counts(self, "evaluation_episodes", "devices_per_seed", least=0)
+        checks.counts(self, "evaluation_episodes", "devices_per_seed", "seeds_at_once", least=0)
 
 
 @dataclass(frozen=True)

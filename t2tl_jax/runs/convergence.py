@@ -6,6 +6,7 @@ progress: there it is the distance from the optimum, the regret, that no longer 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.ltl.ahead import distance_to_true
+from t2tl_jax.runs.rows import column
 
 
 @dataclass(frozen=True)
@@ -64,19 +66,30 @@ class Convergence:
         self._regrets: list[np.ndarray] = []
         self._done = np.zeros(seeds, bool)
         if returns is not None:
-            for column, best in zip(returns.T, np.zeros_like(returns.T) if optimal is None else optimal.T, strict=True):
-                self._add(column, best)
+            for one, best in zip(returns.T, np.zeros_like(returns.T) if optimal is None else optimal.T, strict=True):
+                self._add(one, best)
 
     def add(self, rows: Sequence[Mapping[str, float | int | None]]) -> None:
         """Take in one iteration: a row of ``metrics.csv`` for every seed."""
-        returns, optimal = ([row.get(name, 0.0) for row in rows] for name in ("discounted_return", "optimal_return"))
-        known = [np.nan if value is None else value for value in returns]
-        self._add(np.array(known, np.float64), np.array(optimal, np.float64))
+        self._add(column(rows, "discounted_return"), column(rows, "optimal_return"))
 
     @property
     def reached(self) -> bool:
         """Whether training may stop."""
         return bool(self._done.all())
+
+    def info(self) -> dict[str, Any]:
+        """What it knows, as JSON."""
+        return {
+            "returns": [values.tolist() for values in self._returns],
+            "regrets": [values.tolist() for values in self._regrets],
+            "done": self._done.tolist(),
+        }
+
+    def go_on(self, info: Mapping[str, Any]) -> None:
+        """Know what `info` says, as far as a window that was changed meanwhile needs it."""
+        self._returns, self._regrets = ([np.array(x, float) for x in info[name]] for name in ("returns", "regrets"))
+        self._done = np.array(info["done"], bool)
 
     def _add(self, returns: np.ndarray, optimal: np.ndarray) -> None:
         window = self._config.window

@@ -117,8 +117,22 @@ class Experiment:
         """The program, compiling beside other work since this was first called; see `Compilation`."""
         known: list[Compilation] = self._compilations
         if not known or known[0].fresh != fresh:
-            known[:] = [Compilation(self.program, fresh)]
+            known[:] = [Compilation(self.program_for(self.config.run.seeds_at_once), fresh)]
         return known[0]
+
+    def program_for(self, width: int) -> Program:
+        """The program of the first `width` seeds, by which groups of so many can be trained; of all for 0."""
+        if not 0 < width < len(self.seeds):
+            return self.program
+        own = self.env_params("training")
+        env, numbers = jax.tree.map(lambda x: x[:width], (own.env, own.numbers))
+        return trace(
+            self.agent,
+            self.seeds[:width],
+            replace(own, env=env, numbers=numbers),
+            restartable=self.pools is not None,
+            sharding=seed_sharding(width, self.agent.num_envs, self.config.run.devices_per_seed),
+        )
 
     @cached_property
     def _compilations(self) -> list[Compilation]:

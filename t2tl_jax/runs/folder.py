@@ -4,6 +4,7 @@ import fcntl
 import itertools
 import json
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -61,19 +62,25 @@ def create(path: Path, config: Config, versions: dict[str, Any]) -> RunFolder:
         UserError: if it cannot be written, or is there already with something in it.
     """
     path = check_new(path)
-    content = config_files.to_json(config)  # refuses what cannot be stored, before anything is written
+    config_files.to_json(config)  # refuses what cannot be stored, before anything is written
     machine = machine_files.read(config)
+    # Under another name until it is whole: a process that is killed here leaves nothing that is half a run, and of two
+    # that choose the same name one is told.
+    place = path if path.exists() else path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        path.mkdir(parents=True, exist_ok=True)
-        folder = RunFolder(path)
+        place.mkdir(parents=True, exist_ok=True)
+        folder = RunFolder(place)
         for name, copied in machine.items():
-            (path / name).write_bytes(copied)
+            (place / name).write_bytes(copied)
         write_json(folder.versions, {"started": versions})
-        write_text(folder.config, content)
-        if machine:
-            write_config(folder, config)
-        return folder
+        write_config(folder, config)
+        if place != path:
+            place.rename(path)
+        return RunFolder(path)
     except OSError as error:
+        if place != path:
+            shutil.rmtree(place, ignore_errors=True)
+            check_new(path)
         raise UserError(f"cannot create a run in {path}: {error.strerror or error}; give another folder") from error
 
 
@@ -115,10 +122,25 @@ def locked(folder: RunFolder) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def writing(what: Path) -> Iterator[None]:
+    """Around what a training writes: a full or broken disk becomes a `UserError` that says how the run goes on."""
+    try:
+        yield
+    except OSError as error:
+        raise UserError(
+            f"cannot write {what}: {error.strerror or error}\n"
+            "What the last checkpoint holds is safe: make room or mend the disk, and resume the run."
+        ) from error
+
+
 def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
+    """Write a file whole or not at all, also if the machine loses its power."""
     temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(text, encoding="utf-8")
+    with open(temporary, "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
     os.replace(temporary, path)
 
 

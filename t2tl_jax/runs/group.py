@@ -21,11 +21,9 @@ from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment, build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.interrupts import NeverStop, Stoppable
+from t2tl_jax.runs.training import ENDS
 from t2tl_jax.training.numbers import RANDOM_STARTS, numbers_of
 from t2tl_jax.training.seeds import parse_seeds
-
-ENDS = ("complete", "converged", "success")
-"""Why a training ends that is not to go on."""
 
 CONTENT = "group.json"
 """File in the folder of a group that says what is trained there."""
@@ -115,16 +113,15 @@ def train_group(
             lambda: sessions.checked(make_group(tuple(located.values()), env), None, begun), "while preparing"
         )
         assert isinstance(experiment, Group)
-        if group.versions.is_file():
-            with run_folder.locked(group):
+        group.path.mkdir(parents=True, exist_ok=True)
+        with run_folder.locked(group):
+            if group.versions.is_file():
                 sessions.note_resumed(group, session)
-        else:
-            group.path.mkdir(parents=True, exist_ok=True)
-            run_folder.write_text(group.path / CONTENT, _content(runs))
-            run_folder.write_json(group.versions, {"started": session.versions})
-        ended = sessions.trained(experiment, group, session, before).ended
-        if ended in ENDS:
-            with run_folder.locked(group):
+            else:
+                run_folder.write_text(group.path / CONTENT, _content(runs))
+                run_folder.write_json(group.versions, {"started": session.versions})
+            ended = sessions.trained(experiment, group, session, before).ended
+            if ended in ENDS:
                 group_split.split(experiment, group, located)
         return ended
 

@@ -32,10 +32,15 @@ def split(experiment: "Group", group: RunFolder, runs: Mapping[Path, Config]) ->
     """
     count = len(experiment.seeds_of_one)
     with Checkpoints(group.checkpoints) as checkpoints:
-        info, (done, state) = checkpoints.info(), checkpoints.restore(experiment.program.state)
-        shapes = experiment.program.state.params
-        best = checkpoints.restore_params("best", shapes)[1]
-        selection = checkpoints.restore_params("selection", shapes)[1] if info.get("selection") else None
+        shapes, replay = experiment.program.stored, experiment.agent.replay
+        params = shapes.params
+
+        def wanted(info: Mapping[str, Any]) -> dict[str, Any]:
+            return {"state": shapes, "best": params} | ({"selection": params} if info.get("selection") else {})
+
+        stored = checkpoints.read(wanted, replay)
+    done, info, state, best = stored.iteration, stored.info, stored.items["state"], stored.items["best"]
+    selection = stored.items.get("selection")
     for k, (path, config) in enumerate(runs.items()):
         if path.exists():
             continue
@@ -47,9 +52,11 @@ def split(experiment: "Group", group: RunFolder, runs: Mapping[Path, Config]) ->
         _write_metrics(group, run, done, part, experiment.seeds_of_one)
         run_folder.write_json(run.status, _status(group, path, part, experiment))
         with Checkpoints(run.checkpoints) as checkpoints:
-            own = info | {"seeds": list(experiment.seeds_of_one)}
+            own = {name: value for name, value in info.items() if name != "watch"}  # of all lanes
+            own |= {"seeds": list(experiment.seeds_of_one)}
             own |= {name: _sliced_info(info[name], part) for name in ("best", "selection")}
-            checkpoints.save(done, _sliced(state, part), own, _sliced(best, part), _sliced(selection, part))
+            sets = _sliced(state, part), own, _sliced(best, part), _sliced(selection, part)
+            checkpoints.save(done, *sets, replay=replay, last=stored.lacks_replay)
         if (group.path / pretraining.FOLDER).is_dir():
             shutil.copytree(group.path / pretraining.FOLDER, run.path / pretraining.FOLDER)
         for lane, seed in zip(experiment.lanes[part], experiment.seeds_of_one, strict=True):

@@ -9,6 +9,9 @@ import jax
 
 from t2tl_jax.training.types import Metrics
 
+MOST = 0.05
+"""Share of the time that training may stand still for checkpoints, but for the last one."""
+
 
 @dataclass(frozen=True)
 class Hooks:
@@ -46,7 +49,8 @@ def run_loop(
         train_state: after ``done`` iterations.
         done: iterations behind us.
         total: iterations in all.
-        checkpoint_period: seconds between checkpoints.
+        checkpoint_period: seconds between checkpoints, at least; more where they would take over 5 % of the time. 0 is
+            one after every iteration.
         hooks: see there.
 
     Returns:
@@ -54,7 +58,7 @@ def run_loop(
     """
     ahead = jax.default_backend() != "cpu"
     pending: tuple[int, Metrics] | None = None
-    saved_at, saved_iteration = time.monotonic(), done
+    saved_at, saved_iteration, wait = time.monotonic(), done, checkpoint_period
     iteration, stopping = done, hooks.stop()
     while iteration < total and not stopping:
         train_state, metrics = iterate(*hooks.prepare(iteration, train_state))
@@ -63,14 +67,16 @@ def run_loop(
         if pending is not None:
             _record(pending, hooks)
         pending = (iteration, metrics)
-        due = time.monotonic() - saved_at >= checkpoint_period
+        due = time.monotonic() - saved_at >= wait
         if due or not ahead:
             _record(pending, hooks)
             pending = None
         stopping = hooks.stop()
         if due and iteration < total and not stopping:
+            begin = time.monotonic()
             hooks.save(iteration, train_state)
             saved_at, saved_iteration = time.monotonic(), iteration
+            wait = checkpoint_period and max(checkpoint_period, (saved_at - begin) / MOST)
     if pending is not None:
         _record(pending, hooks)
     if iteration > saved_iteration:

@@ -1,20 +1,22 @@
-"""``metrics.csv``: one row per iteration and seed. Holds no clock times, so that equal runs give equal files.
+"""``metrics.csv``: one row per iteration and seed. Holds no clock times, so that equal runs give equal files. Very long
+runs have a row for several iterations, see `thinning.py`.
 
 Columns go by their names: a file of another version, with fewer, more or other columns than are written today, is read
 all the same.
 """
 
 import csv
-import io
+import itertools
 import math
 import os
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from t2tl_jax.training.types import EpisodeTotals, Metrics
+from t2tl_jax.runs.rows import Rows
 
 EPISODE_COLUMNS = (
     "episodes",
@@ -30,49 +32,12 @@ KEY_COLUMNS = ("iteration", "frames", "seed")
 FIXED_COLUMNS = (*KEY_COLUMNS, *EPISODE_COLUMNS)
 
 
+AT_ONCE = 50_000
+"""Lines that are read together."""
+
+
 class MetricsFileError(ValueError):
     """A metrics file cannot be continued or read; the message says why."""
-
-
-def rows(metrics: Metrics, iteration: int, frames: int, seeds: Sequence[int]) -> list[dict[str, float | int | None]]:
-    """One row per seed: averages over the episodes that finished in this iteration, then the learner's scalars.
-
-    Args:
-        metrics: on the host, every array with a leading axis [seeds].
-        iteration: counted from 1.
-        frames: environment steps so far, of each seed.
-        seeds: their numbers.
-
-    An average over no episodes is None.
-    """
-    return [
-        {
-            "iteration": iteration,
-            "frames": frames,
-            "seed": seed,
-            **_averages(metrics.episodes, index),
-            **{name: float(values[index]) for name, values in sorted(metrics.scalars.items())},
-        }
-        for index, seed in enumerate(seeds)
-    ]
-
-
-def _averages(totals: EpisodeTotals, index: int) -> dict[str, float | int | None]:
-    episodes, successes = int(totals.episodes[index]), int(totals.successes[index])
-
-    def over(count: int, total: Any) -> float | None:
-        return float(total[index]) / count if count else None
-
-    return {
-        "episodes": episodes,
-        "success_rate": over(episodes, totals.successes),
-        "violation_rate": over(episodes, totals.violations),
-        "timeout_rate": over(episodes, totals.timeouts),
-        "env_termination_rate": over(episodes, totals.env_terminations),
-        "discounted_return": over(episodes, totals.discounted_return),
-        "length": over(episodes, totals.length),
-        "success_length": over(successes, totals.success_length),
-    }
 
 
 class MetricsFile:
@@ -98,17 +63,16 @@ class MetricsFile:
 
     def append(self, new_rows: Sequence[Mapping[str, float | int | None]]) -> None:
         """Write rows, and the header before the first of them. A new column is empty in the rows so far."""
-        buffer = io.StringIO()
-        writer = csv.writer(buffer, lineterminator="\n")
-        for row in new_rows:
-            if self._header is None:
-                self._header = list(row)
-                writer.writerow(self._header)
-            if not set(row) <= set(self._header):
-                self._widen([name for name in row if name not in self._header])
-            writer.writerow([_cell(row.get(name)) for name in self._header])
+        cells = new_rows.cells if isinstance(new_rows, Rows) else _columns(new_rows)
+        text = ""
+        if self._header is None:
+            self._header = list(cells)
+            text = ",".join(self._header) + "\n"
+        if more := [name for name in cells if name not in self._header]:
+            self._widen(more)
+        text += _lines([cells.get(name, [None] * len(new_rows)) for name in self._header])
         # One write for the rows of an iteration, so that a killed process hardly ever leaves half of them.
-        self._file.write(buffer.getvalue())
+        self._file.write(text)
         self._file.flush()
 
     def sync(self) -> None:
@@ -179,21 +143,44 @@ def _complete_lines(path: Path) -> list[str]:
 
 def _parse(path: Path, lines: Sequence[str]) -> dict[str, np.ndarray]:
     try:
-        header, *table = list(csv.reader(lines, quoting=csv.QUOTE_NONE)) or [[]]  # so one line is one row
+        header = next(csv.reader(lines[:1], quoting=csv.QUOTE_NONE), [])
     except csv.Error as error:
         raise MetricsFileError(f"{path} is damaged: {error}") from error
-    if not table:
+    if len(lines) < 2:
         raise MetricsFileError(f"{path} holds no metrics yet")
     if not set(KEY_COLUMNS) <= set(header) or len(set(header)) < len(header):
         raise MetricsFileError(f"{path} is not a metrics file")
     keys = [header.index(name) for name in KEY_COLUMNS]
-    cells = np.empty((len(table), len(header)))
-    for index, row in enumerate(table):
-        try:
-            cells[index] = _numbers(row, len(header), keys)
-        except ValueError as error:
-            raise MetricsFileError(f"{path} is damaged in line {index + 2}: {error}") from error
+    cells = np.empty((len(lines) - 1, len(header)))
+    for start in range(0, len(cells), AT_ONCE):
+        part = lines[1 + start : 1 + start + AT_ONCE]
+        values = _fast(part, len(header))
+        if values is None or not np.isfinite(values[:, keys]).all():
+            values = np.array([_line(path, start + k + 2, line, len(header), keys) for k, line in enumerate(part)])
+        cells[start : start + AT_ONCE] = values
     return dict(zip(header, cells.T, strict=True))
+
+
+def _fast(lines: Sequence[str], count: int) -> np.ndarray | None:
+    """The cells of many lines, float64[lines, count]; None where something is wrong, which `_line` then tells."""
+    if not all(line.count(",") == count - 1 for line in lines):
+        return None
+    text = "".join(lines).replace("\n", ",")
+    text = f",{text}".replace(",,", ",nan,").replace(",,", ",nan,")[1:]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # how older versions of NumPy say it
+            values = np.fromstring(text, sep=",")
+    except (ValueError, DeprecationWarning):
+        return None
+    return values.reshape(len(lines), count) if values.size == len(lines) * count else None
+
+
+def _line(path: Path, number: int, line: str, count: int, keys: Sequence[int]) -> list[float]:
+    try:
+        return _numbers(next(csv.reader([line], quoting=csv.QUOTE_NONE), []), count, keys)
+    except (ValueError, csv.Error) as error:
+        raise MetricsFileError(f"{path} is damaged in line {number}: {error}") from error
 
 
 def _numbers(row: Sequence[str], count: int, keys: Sequence[int]) -> list[float]:
@@ -207,20 +194,47 @@ def _numbers(row: Sequence[str], count: int, keys: Sequence[int]) -> list[float]
 
 def by_seed(columns: Mapping[str, np.ndarray], name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One column as curves: ``(seeds int[S], frames float[points], values float[S, points])``, NaN where absent."""
+    order, frames, curves = _curves(columns, [name])
+    return order, frames, curves[name]
+
+
+def _curves(
+    columns: Mapping[str, np.ndarray], names: Iterable[str]
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """The same for several columns."""
     seeds = columns["seed"].astype(np.int64)
-    order = list(dict.fromkeys(seeds.tolist()))  # as in the run, which need not be sorted
-    frames = np.unique(columns["frames"])
-    values = np.full((len(order), len(frames)), np.nan)
-    for index, seed in enumerate(order):
-        of_seed = seeds == seed
-        values[index, np.searchsorted(frames, columns["frames"][of_seed])] = columns[name][of_seed]
-    return np.array(order), frames, values
+    order = np.array(list(dict.fromkeys(seeds.tolist())))  # as in the run, which need not be sorted
+    frames, column = np.unique(columns["frames"], return_inverse=True)
+    ascending = np.argsort(order)
+    row = ascending[np.searchsorted(order, seeds, sorter=ascending)]
+    curves = {}
+    for name in names:
+        values = curves[name] = np.full((len(order), len(frames)), np.nan)
+        values[row, column] = columns[name]
+    return order, frames, curves
+
+
+def _columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Rows of equal names by column."""
+    return {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
+
+
+FORMATS = {frozenset({int}): "%d", frozenset({float}): "%.9g"}
+"""Of the cells of a column that all have one type; nine digits restore a float32 exactly."""
+
+
+def _lines(columns: Sequence[Sequence[float | int | None]]) -> str:
+    """Columns as the lines of a file. All cells are written by one format, which a thousand seeds need."""
+    formats = [FORMATS.get(frozenset(map(type, values)), "%s") for values in columns]
+    texts = [map(_cell, values) if form == "%s" else values for form, values in zip(formats, columns, strict=True)]
+    row = ",".join(formats) + "\n"
+    return row * len(columns[0]) % tuple(itertools.chain.from_iterable(zip(*texts, strict=True)))
 
 
 def _cell(value: float | int | None) -> str:
     if value is None:
         return ""
-    return str(value) if isinstance(value, int) else f"{value:.9g}"  # nine digits restore a float32 exactly
+    return FORMATS[frozenset({int if isinstance(value, int) else float})] % value
 
 
 def history(path: Path, seeds: Sequence[int] | None = None) -> dict[str, np.ndarray]:
@@ -234,14 +248,14 @@ def history(path: Path, seeds: Sequence[int] | None = None) -> dict[str, np.ndar
         MetricsFileError: as `read_columns`, and if a seed has no rows.
     """
     columns = read_columns(path)
-    curves = {name: by_seed(columns, name) for name in columns if name not in ("iteration", "seed")}
+    found, _, curves = _curves(columns, [name for name in columns if name not in ("iteration", "seed")])
     if seeds is None:
-        return {name: values for name, (_, _, values) in curves.items()}
-    order = by_seed(columns, "frames")[0].tolist()
+        return curves
+    order = found.tolist()
     if missing := [seed for seed in seeds if seed not in order]:
         raise MetricsFileError(f"{path} has no rows of seed {missing[0]}; its seeds: {', '.join(map(str, order))}")
     places = [order.index(seed) for seed in seeds]
-    return {name: values[places] for name, (_, _, values) in curves.items()}
+    return {name: values[places] for name, values in curves.items()}
 
 
 def area(values: np.ndarray) -> np.ndarray:

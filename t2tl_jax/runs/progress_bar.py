@@ -6,6 +6,7 @@ import numpy as np
 from tqdm import tqdm
 
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
+from t2tl_jax.runs.rows import column
 
 SHOWN = (("success", "success_rate", 3), ("return", "discounted_return", 3), ("length", "length", 0))
 """Label, column of the metrics and digits of what stands behind the bar."""
@@ -53,5 +54,6 @@ class ProgressBar(Callback):
 
 
 def _mean_text(rows: Sequence[Row], name: str, digits: int) -> str:
-    values = [value for value in (row[name] for row in rows) if value is not None]
-    return f"{np.mean(values):.{digits}f}" if values else "-"
+    values = column(rows, name)
+    known = values[~np.isnan(values)]
+    return f"{np.mean(known):.{digits}f}" if known.size else "-"

@@ -64,8 +64,8 @@ class Result:
             if "success_rate" in self.metrics
             else np.zeros(0, int)
         )
-        frames = self.experiment.agent.frames_per_iteration
-        return {seed: int(at) * frames or None for seed, at in zip(self.seeds, since, strict=True)}
+        frames = np.nanmin(self.metrics["frames"]) if len(since) else 0  # of a row
+        return {seed: int(at * frames) or None for seed, at in zip(self.seeds, since, strict=True)}
 
     def index(self, seed: int | None) -> int:
         """Place of a seed on the leading axes, by default of the first one; UserError for one that is not there."""

@@ -16,6 +16,7 @@ import numpy as np
 from t2tl_jax.evaluation.episodes import player_of_seeds
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
+from t2tl_jax.training.devices import padded
 from t2tl_jax.training.program import place_params
 from t2tl_jax.training.seeds import SELECTION, stream_keys
 from t2tl_jax.training.types import Params
@@ -80,7 +81,8 @@ class Scorer:
     def __call__(self, params: Params) -> Scores:
         """The scores of parameters with leading axis [seeds]; waits for the program, and raises what went wrong."""
         play, env_params, keys, device = self._future.result()
-        episodes = jax.device_get(play(jax.device_put(params, device), env_params, keys))
+        played = play(jax.device_put(params, device), env_params, keys)
+        episodes = self._experiment.program.unpadded(played)
         return Scores(
             np.asarray(episodes.discounted_return, float).mean(-1), np.asarray(episodes.success, float).mean(-1)
         )
@@ -96,7 +98,7 @@ class Scorer:
             config, sharding = experiment.config, experiment.program.sharding
             device = sharding or jax.sharding.SingleDeviceSharding(jax.devices()[0])
             env_params = place_params(experiment.env_params("selection"), sharding)
-            keys = jax.device_put(stream_keys(experiment.seeds, SELECTION), device)
+            keys = jax.device_put(padded(stream_keys(experiment.seeds, SELECTION), sharding), device)
             play = player_of_seeds(
                 experiment.task_env,
                 experiment.agent,

@@ -83,7 +83,9 @@ def started(experiment: Experiment, folder: Path | None, session: Session, befor
         config = experiment.config
         run = run_folder.create(folder, config, session.versions)
         experiment = experiment.with_config(machine_files.with_copy(config, run.path))
-    return trained(experiment, run, session, before)
+        with run_folder.locked(run):
+            return trained(experiment, run, session, before)
+    return trained(experiment, None, session, before)
 
 
 def continued(experiment: Experiment, run: RunFolder, session: Session, before: Before) -> Result:
@@ -91,7 +93,7 @@ def continued(experiment: Experiment, run: RunFolder, session: Session, before: 
     with run_folder.locked(run):
         note_resumed(run, session)
         run_folder.write_config(run, experiment.config)
-    return trained(experiment, run, session, before)
+        return trained(experiment, run, session, before)
 
 
 def note_resumed(run: RunFolder, session: Session) -> None:
@@ -102,7 +104,7 @@ def note_resumed(run: RunFolder, session: Session) -> None:
 
 
 def trained(experiment: Experiment, run: RunFolder | None, session: Session, before: Before) -> Result:
-    """A training in a folder that is there, from its last checkpoint if it has one."""
+    """A training in a folder that is there and locked, from its last checkpoint if it has one; None for no folder."""
     return Training(experiment, session.stop, session.callbacks, run, _pretrain(experiment, run, session, before)).run()
 
 
@@ -134,9 +136,8 @@ def _restored(run: RunFolder, shapes: Params) -> tuple[int, dict[Which, Params]]
     if params_file.stands_in(run):
         return params_file.read(run.params, shapes)
     with Checkpoints(run.checkpoints) as checkpoints:
-        iteration, final = checkpoints.restore_params("latest", shapes)
-        _, best = checkpoints.restore_params("best", shapes)
-    return iteration, {"final": final, "best": best}
+        stored = checkpoints.read(lambda _: {"latest": shapes, "best": shapes})
+    return stored.iteration, {"final": stored.items["latest"], "best": stored.items["best"]}
 
 
 def _pretrain(

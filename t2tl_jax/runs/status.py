@@ -3,7 +3,7 @@
 from typing import Any
 
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
-from t2tl_jax.runs.folder import RunFolder, read_json, write_json
+from t2tl_jax.runs.folder import RunFolder, read_json, write_json, writing
 
 
 class StatusFile(Callback):
@@ -52,14 +52,16 @@ class StatusFile(Callback):
         status["success_since_frames"] = since or self._earlier.get(
             "success_since_frames", self._earlier.get("solved_after_frames")
         )
-        write_json(self._folder.status, status | progress.notes)
+        with writing(self._folder.status):
+            write_json(self._folder.status, status | progress.notes)
 
 
 def _seconds(progress: TrainingProgress) -> dict[str, float]:
-    """The times of a session. Compiling overlaps with the others but for the wait for it."""
+    """The times of a session. Compiling overlaps with the others but for the wait for it, checkpoints with training."""
     return {
         "pretraining_seconds": progress.pretraining_seconds,
         "compile_wait_seconds": progress.compile_wait_seconds,
         "training_seconds": progress.train_seconds,
         "compile_seconds": progress.compile_seconds,
+        "checkpoint_seconds": progress.checkpoint_seconds,
     }

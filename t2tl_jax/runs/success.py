@@ -5,11 +5,13 @@ evaluation episodes of the final parameters alone, see `t2tl_jax.evaluation.repo
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from t2tl_jax.evaluation.statistics import SOLVED
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.rows import column
 
 LEAST = 5
 """So many iterations in a row, at least, make it credible while training is still under way."""
@@ -52,13 +54,12 @@ class SuccessWatch:
         self._since = np.zeros(seeds, int)
         self._count = np.zeros(seeds, int)
         self._iteration = 0
-        for column in () if success_rate is None else success_rate.T:
-            self._add(column)
+        for rates in () if success_rate is None else success_rate.T:
+            self._add(rates)
 
     def add(self, rows: Sequence[Mapping[str, float | int | None]]) -> None:
         """Take in one iteration: a row of metrics for every seed."""
-        values = [row["success_rate"] for row in rows]
-        self._add(np.array([np.nan if value is None else value for value in values], float))
+        self._add(column(rows, "success_rate"))
 
     @property
     def since(self) -> np.ndarray:
@@ -69,6 +70,15 @@ class SuccessWatch:
     def all(self) -> bool:
         """Whether every seed is above 95 % now."""
         return bool((self.since > 0).all())
+
+    def info(self) -> dict[str, Any]:
+        """What it knows, as JSON."""
+        return {"since": self._since.tolist(), "count": self._count.tolist(), "iteration": self._iteration}
+
+    def go_on(self, info: Mapping[str, Any]) -> None:
+        """Know what `info` says."""
+        self._since, self._count = np.array(info["since"]), np.array(info["count"])
+        self._iteration = info["iteration"]
 
     def _add(self, success_rate: np.ndarray) -> None:
         self._iteration += 1

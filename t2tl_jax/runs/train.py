@@ -112,6 +112,8 @@ def resume(
             )
         config = _changed(stored, changes)
         refuse_other_changes(stored, config)
+        with run_folder.locked(run):
+            pass  # who is in the way is told before the work of preparing
         with Checkpoints(run.checkpoints) as checkpoints:
             begun = checkpoints.latest_iteration() is not None
         experiment, before = session.stop.call(

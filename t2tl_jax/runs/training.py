@@ -1,17 +1,15 @@
 """A training from its start, or from its last checkpoint, to its end: compile, iterate, save, tell the callbacks."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import jax
 import numpy as np
 
 from t2tl_jax.errors import UserError
-from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import loop, pretraining
+from t2tl_jax.runs import chunks, loop, pretraining
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 from t2tl_jax.runs.compilation import Compiled
@@ -21,17 +19,23 @@ from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.history import History
 from t2tl_jax.runs.interrupts import Interrupted, Stoppable
-from t2tl_jax.runs.loggers import CSVLogger, TensorBoardLogger
-from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to, rows
+from t2tl_jax.runs.loggers import CSVLogger
+from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to
 from t2tl_jax.runs.prefetch import Prefetch
 from t2tl_jax.runs.result import Result
+from t2tl_jax.runs.rows import Rows, make_rows
 from t2tl_jax.runs.selection import Scorer, Selected, Selection
 from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.runs.success import SuccessWatch, window
+from t2tl_jax.runs.tensorboard import TensorBoardLogger
+from t2tl_jax.runs.thinning import Thinning
 from t2tl_jax.training import transfer
 from t2tl_jax.training.devices import place
 from t2tl_jax.training.program import place_params
 from t2tl_jax.training.types import Metrics
+
+ENDS = ("complete", "converged", "success")
+"""Why a training ends that is not to go on."""
 
 
 @dataclass
@@ -52,19 +56,29 @@ class Training:
     progress: TrainingProgress = field(init=False)
     checkpoints: Checkpoints | None = field(init=False, default=None)
     past: History = field(init=False)
+    thinning: Thinning = field(init=False)
     convergence: Convergence = field(init=False)
     success: SuccessWatch = field(init=False)
     selection: Selection = field(init=False)
     scorer: Scorer | None = field(init=False, default=None)
     best: Any = field(init=False, default=None)
+    lacks_replay: bool = field(init=False, default=False)
+    width: int = field(init=False, default=0)
+    """Seeds that are on the devices together; 0 until that is known."""
 
     def run(self) -> Result:
         """Train to the end, or to a reason to stop.
 
         Raises:
-            UserError: if what a resumed run left cannot be used.
+            UserError: if what a resumed run left cannot be used, or its files cannot be written.
             Interrupted: if the user asks to stop before the first iteration is complete, or while compiling.
         """
+        try:
+            return self._run()
+        except CheckpointError as error:
+            raise UserError(str(error)) from error
+
+    def _run(self) -> Result:
         experiment, config = self.experiment, self.experiment.config
         frames = experiment.agent.frames_per_iteration
         path = None if self.paths is None else self.paths.path
@@ -83,10 +97,11 @@ class Training:
                 if not progress.stop:
                     progress.stop = "complete" if progress.done >= config.iterations else self._reason()
                 if not progress.stop:
+                    self._require_replay()
                     compiled, state = self._begin(state)
                     for callback in callbacks:
                         callback.on_start(progress)
-                    state = self._iterate(compiled, state, callbacks)
+                    state = self._iterate(compiled, state, [self.past, *files])
             except Interrupted:
                 progress.stop = "interrupted"
                 raise
@@ -95,56 +110,77 @@ class Training:
                 _end(planned, progress)
         if progress.done == 0:
             raise Interrupted(f"before the first iteration was complete: {progress.stop}")
-        final = jax.device_get(state.params)  # both as arrays of the host: one program plays them
+        final = self._own(state)  # both as arrays of the host: one program plays them
         params: dict[Which, Any] = {"final": final, "best": final if self.best is None else self.best}
         return Result(experiment, params, self.past.arrays(), progress.done, progress.stop, path)
 
     def _open(self, stack: ExitStack) -> list[Callback]:
-        """Lock the run's folder; the callbacks that write its files."""
+        """Open the run's checkpoints; the callbacks that write its files."""
         paths = self.paths
         if paths is None:
             return []
-        stack.enter_context(run_folder.locked(paths))
         self.checkpoints = stack.enter_context(Checkpoints(paths.checkpoints))
+        self.checkpoints.clean()
         tensorboard = TensorBoardLogger(paths.path / "tensorboard")
         return [CSVLogger(paths.metrics), tensorboard, StatusFile(paths, self.progress)]
 
     def _restore(self) -> Any:
         """The state behind the newest checkpoint, on the devices; None where there is none."""
         experiment, config = self.experiment, self.experiment.config
-        state, earlier, selected = None, {}, None
+        state, earlier, selected, info = None, {}, None, {}
         if self.checkpoints is not None and self.checkpoints.latest_iteration() is not None:
-            try:
-                info = self.checkpoints.info()
-                if tuple(info.get("seeds", ())) != experiment.lanes:
-                    raise UserError(f"{self.checkpoints.folder} holds other seeds than the configuration names")
-                done, state = self.checkpoints.restore(experiment.program.state)
-                _, self.best = self.checkpoints.restore_params("best", experiment.program.state.params)
-                if info.get("selection"):
-                    _, params = self.checkpoints.restore_params("selection", experiment.program.state.params)
-                    selected = Selected.of(params, info["selection"])
-            except CheckpointError as error:
-                raise UserError(str(error)) from error
-            state = place(state, experiment.program.sharding)
-            self.progress.done = self.progress.started_from = done
-            earlier = self._earlier(done)
+            stored = self.checkpoints.read(self._wanted, experiment.agent.replay)
+            self.checkpoints.put_aside(stored.damaged)
+            if stored.info.get("selection"):
+                selected = Selected.of(stored.items["selection"], stored.info["selection"])
+            state, self.best = stored.items["state"], stored.items["best"]
+            self.lacks_replay, self.width = stored.lacks_replay, stored.info.get("width", 0)
+            self.progress.done = self.progress.started_from = stored.iteration
+            info, stored_rows = stored.info, stored.info.get("rows", {})
+            self.progress.last_row = stored_rows.get("last", stored.iteration)  # early versions had every row
+            earlier = self._earlier(stored.iteration, self.progress.last_row)
         seeds = len(experiment.lanes)
+        rows = info.get("rows", {"last": self.progress.last_row})
+        self.thinning = Thinning(config.iterations, experiment.lanes, rows)
         self.past = History(earlier)
         self.convergence = Convergence(
             config.convergence, seeds, earlier.get("discounted_return"), earlier.get("optimal_return")
         )
         self.selection = Selection(config, selected)
         self.success = SuccessWatch(seeds, window(config), earlier.get("success_rate"))
+        if info.get("watch"):  # the rows of the file are too few to say
+            self.success.go_on(info["watch"]["success"])
+            self.convergence.go_on(info["watch"]["convergence"])
         return state
 
-    def _earlier(self, done: int) -> dict[str, np.ndarray]:
-        """The metrics behind a checkpoint, by name float[seeds, done]."""
+    def _wanted(self, info: Mapping[str, Any]) -> dict[str, Any]:
+        """What is read of a checkpoint, with its shapes; UserError if it is one of other seeds."""
+        assert self.checkpoints is not None
+        if tuple(info.get("seeds", ())) != self.experiment.lanes:
+            raise UserError(f"{self.checkpoints.folder} holds other seeds than the configuration names")
+        state = self.experiment.program.stored
+        sets = ("best", "selection") if info.get("selection") else ("best",)
+        return {"state": state} | dict.fromkeys(sets, state.params)
+
+    def _require_replay(self) -> None:
+        """UserError if the run ended in a checkpoint that it cannot go on from."""
+        if self.lacks_replay:
+            raise UserError(
+                f"{self.progress.folder} was complete, and its replay is not kept: it can be evaluated, but not "
+                "trained further. A run that is to go on later is trained with --run.keep-replay True"
+            )
+
+    def _earlier(self, done: int, last: int) -> dict[str, np.ndarray]:
+        """The metrics behind a checkpoint, by name float[seeds, rows]; the last row is of iteration `last`."""
         assert self.paths is not None
         going_on = done < self.experiment.config.iterations
         try:
-            if going_on:
-                lines_up_to(self.paths.metrics, done)  # the logger would say the same, but after compiling
-            return {name: values[:, :done] for name, values in history(self.paths.metrics).items()}
+            if going_on and last:
+                lines_up_to(self.paths.metrics, last)  # the logger would say the same, but after compiling
+            curves = history(self.paths.metrics) if last else {}
+            frames = np.nanmax(curves["frames"], axis=0) if curves else np.zeros(0)
+            behind = frames <= last * self.progress.frames_per_iteration
+            return {name: values[:, behind] for name, values in curves.items()}
         except MetricsFileError as error:
             if not going_on:  # the parameters can be used without
                 return {}
@@ -172,7 +208,9 @@ class Training:
                 encoder = pretraining.encoder(experiment, first)
                 progress.notes["pretraining"] = pretraining.summary(first)
             begin = clock()
-            compiled = self.stop.call(compilation.result, "while compiling")
+            self.width, compiled = self.stop.call(
+                lambda: chunks.fit(experiment, compilation, self.width), "while compiling"
+            )
             progress.compile_wait_seconds = clock() - begin
         except BaseException:
             self.stop.abandon(compilation.thread)
@@ -182,7 +220,9 @@ class Training:
             state = compiled.init(program.keys, program.env_params)
             if encoder is not None:
                 state = transfer.adopt(experiment.agent, state, encoder, program.sharding)
-        return compiled, state
+        if self.width < program.count:
+            return compiled, chunks.on_host(state)
+        return compiled, state if fresh else place(state, program.sharding)
 
     def _abandon_scorer(self) -> None:
         if self.scorer is not None:
@@ -195,18 +235,25 @@ class Training:
         if self.scorer is not None:
             self.scorer.check()
             if self.selection.competes(iteration):
-                self.selection.add(iteration, state.params, self.scorer(state.params))
+                self.selection.add(iteration, self._own(state), self.scorer(state.params))
 
     def _best(self, iteration: int, state: Any) -> Selected | None:
         """What was selected. Those that a run ends with compete too, for itself only: when it goes on, they never did,
         so that it selects what an uninterrupted run does."""
         selected = self.selection.best
         if self.progress.stop and self.scorer is not None and selected and not self.selection.competes(iteration):
-            return self.selection.with_last(iteration, state.params, self.scorer(state.params))
+            return self.selection.with_last(iteration, self._own(state), self.scorer(state.params))
         return selected
 
-    def _iterate(self, compiled: Compiled, state: Any, callbacks: Sequence[Callback]) -> Any:
-        """Train from where the run stands to its end, or to a reason to stop, and return the last state."""
+    def _own(self, state: Any) -> Any:
+        """The parameters of the seeds themselves, on the host."""
+        return self.experiment.program.unpadded(state.params)
+
+    def _iterate(self, compiled: Compiled, state: Any, recorders: Sequence[Callback]) -> Any:
+        """Train from where the run stands to its end, or to a reason to stop, and return the last state.
+
+        The recorders are given rows that may stand for several iterations; the callbacks of the user, every iteration.
+        """
         experiment, progress = self.experiment, self.progress
         program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
         env_params = program.env_params
@@ -232,26 +279,48 @@ class Training:
 
         def record(iteration: int, metrics: Metrics) -> None:
             progress.done, progress.train_seconds = iteration, time.monotonic() - begin
-            new = rows(metrics, iteration, iteration * frames, progress.seeds)
+            metrics = program.unpadded(metrics)
+            pool, more = (iteration - 1) // config.pool.period, {}
             if experiment.pools is not None:
-                for row, optimum in zip(new, optima[(iteration - 1) // config.pool.period], strict=True):
-                    row["optimal_return"] = optimum
+                more["optimal_return"] = np.array(optima[pool])
+            at = iteration, iteration * frames
+            new = make_rows(metrics, *at, progress.seeds, more)
             self.convergence.add(new)
             self.success.add(new)
-            progress.success_since = tuple(int(since) for since in self.success.since)
-            for callback in callbacks:
+            progress.success_since = tuple(self.success.since.tolist())
+            write(self.thinning.add(new, *at, metrics, more))
+            for callback in self.callbacks:
                 callback.on_iteration(progress, new)
 
+        def write(complete: Rows | None) -> None:
+            progress.last_row = self.thinning.last
+            if complete is not None:
+                for callback in recorders:
+                    callback.on_iteration(progress, complete)
+
         def save(iteration: int, state: Any) -> None:
-            progress.train_seconds = time.monotonic() - begin
-            for callback in callbacks:
+            now = time.monotonic()
+            progress.train_seconds = now - begin
+            over = iteration >= progress.iterations or progress.stop in ENDS
+            if over:
+                write(self.thinning.flush(iteration, iteration * frames))
+            for callback in (*recorders, *self.callbacks):
                 callback.on_checkpoint(progress)
             best, going_on = self._best(iteration, state), self.selection.best
             self.best = None if best is None else best.params
             if self.checkpoints is not None:
                 info: dict[str, Any] = {"seeds": list(progress.seeds), "frames": iteration * frames}
                 info |= {"best": best and best.info(), "selection": going_on and going_on.info()}
-                self.checkpoints.save(iteration, state, info, self.best, going_on and going_on.params)
+                info |= {"rows": self.thinning.info(), "width": self.width}
+                if self.thinning.stride > 1:
+                    info["watch"] = {"success": self.success.info(), "convergence": self.convergence.info()}
+                self.checkpoints.save(
+                    *(iteration, state, info, self.best, going_on and going_on.params),
+                    replay=experiment.agent.replay,
+                    seeds=program.count,
+                    last=over and not config.run.keep_replay,
+                )
+            progress.checkpoint_seconds += time.monotonic() - now
 
         def stopping() -> bool:
             progress.stop = progress.stop or self._reason()
@@ -262,6 +331,8 @@ class Training:
             period = config.run.checkpoint_period if self.checkpoints is not None else float("inf")
             done, state = loop.run_loop(compiled.iterate, state, progress.done, progress.iterations, period, hooks)
         self._abandon_scorer()
+        if self.checkpoints is not None:
+            self.checkpoints.wait()
         progress.train_seconds = time.monotonic() - begin
         progress.stop = progress.stop if done < progress.iterations else "complete"
         return state

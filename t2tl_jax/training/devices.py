@@ -3,6 +3,9 @@
 All arrays of a training state lead with the seeds, and a learner names the arrays that lead with environments or
 samples by `over_envs`. The compiler does the rest: each device steps its environments and differentiates its share of
 a minibatch, and the gradients are summed. Results are those of one device, up to the order of such sums.
+
+Where seeds do not share out evenly, the last one is trained several times over to fill the devices up. These copies are
+made on the way to the devices (`padded`) and dropped on the way back (`Program.unpadded`); nothing else knows of them.
 """
 
 from collections.abc import Sequence
@@ -19,9 +22,10 @@ SEEDS, ENVS = "seeds", "envs"
 def seed_sharding(
     count: int, num_envs: int = 1, per_seed: int = 0, devices: Sequence[jax.Device] | None = None
 ) -> NamedSharding | None:
-    """How a leading axis of `count` seeds is placed: evenly, over as many devices as divide the count.
+    """How a leading axis of `count` seeds is placed: so that no device has more to do than it must.
 
-    Every array of a training state has the leading seed axis, so this one sharding fits the whole tree.
+    Every array of a training state has the leading seed axis, so this one sharding fits the whole tree. Where the
+    devices do not divide the count, and filling up is faster than to leave some of them idle, all are used.
 
     Args:
         count: seeds.
@@ -34,10 +38,17 @@ def seed_sharding(
         Placement on a mesh of (seeds, envs), or None where a single device does all the work.
     """
     devices = jax.devices() if devices is None else list(devices)
-    over_seeds = _largest_divisor(count, len(devices))
-    left = len(devices) // over_seeds
-    most = per_seed or (left if devices[0].platform == "cpu" else 1)
-    over_envs = _largest_divisor(num_envs, min(most, left))
+    number = len(devices)
+
+    def envs(over_seeds: int) -> int:
+        left = number // over_seeds
+        return _largest_divisor(num_envs, min(left, per_seed or (left if devices[0].platform == "cpu" else 1)))
+
+    def cost(over_seeds: int) -> tuple[float, bool, int]:
+        return -(-count // over_seeds) / envs(over_seeds), count % over_seeds > 0, -over_seeds
+
+    over_seeds = min(range(1, number + 1), key=cost)
+    over_envs = envs(over_seeds)
     used = over_seeds * over_envs
     if used == 1:
         return None
@@ -66,8 +77,24 @@ def _constrained(tree: Any, spec: PartitionSpec) -> Any:
     return jax.tree.map(lambda x: jax.lax.with_sharding_constraint(x, spec), tree)
 
 
+def lanes(count: int, sharding: NamedSharding | None) -> int:
+    """How many seeds the program trains where `count` are wanted: as many for each device."""
+    over = 1 if sharding is None else sharding.mesh.shape[SEEDS]
+    return -(-count // over) * over
+
+
+def padded(tree: Any, sharding: NamedSharding | None) -> Any:
+    """A tree with a leading seed axis, filled up with its last entry to as many as the devices need."""
+
+    def fill(x: Any) -> Any:
+        count, filled = len(x), lanes(len(x), sharding)
+        return x if filled == count else x[np.minimum(np.arange(filled), count - 1)]
+
+    return jax.tree.map(fill, tree)
+
+
 def place(tree: Any, sharding: NamedSharding | None) -> Any:
-    """Move a tree with a leading seed axis to its devices; one copy in every case, never a view of host memory."""
+    """Move a tree with a leading seed axis to its devices, filled up; one copy in every case, never a view."""
     if sharding is None:
         return jax.tree.map(lambda x: jax.numpy.array(x, copy=True), tree)
-    return jax.device_put(tree, sharding)
+    return jax.device_put(padded(tree, sharding), sharding)

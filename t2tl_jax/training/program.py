@@ -11,7 +11,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 
 from t2tl_jax.env import EnvParams, Purpose
 from t2tl_jax.task_env import TaskEnv, TaskParams
-from t2tl_jax.training.devices import SEEDS
+from t2tl_jax.training.devices import SEEDS, padded
 from t2tl_jax.training.seeds import TRAINING, stream_keys
 from t2tl_jax.training.types import Agent
 
@@ -24,12 +24,14 @@ table is the same."""
 class Program:
     """A training program, traced but not compiled. Every array in a state has a leading axis [seeds]."""
 
+    count: int
+    """How many seeds there are; leading axes on the devices may be filled up beyond that, see `training/devices.py`."""
     keys: jax.Array
     """``key[seeds]``: the training stream of each seed."""
     env_params: TaskParams
     """What was given to `trace`, on its devices."""
     state: Any
-    """Shapes and dtypes of the training state, as a tree of ``jax.ShapeDtypeStruct``."""
+    """Shapes and dtypes of the training state on the devices, as a tree of ``jax.ShapeDtypeStruct``."""
     sharding: NamedSharding | None
     """Placement of the seeds, and the mesh of all devices; None on a single device."""
     lowered_init: Any
@@ -39,6 +41,15 @@ class Program:
     lowered_restart: Any = None
     """``(state, env_params) -> state``, ready to compile: all seeds go on with the tasks of another table of the same
     shapes; the given state's memory is reused. None unless asked for."""
+
+    @property
+    def stored(self) -> Any:
+        """Shapes and dtypes of the training state of the seeds themselves, as it lies on the host and on disk."""
+        return jax.tree.map(lambda x: jax.ShapeDtypeStruct((self.count, *x.shape[1:]), x.dtype), self.state)
+
+    def unpadded(self, tree: Any) -> Any:
+        """What came from the devices, on the host and of the seeds themselves."""
+        return jax.tree.map(lambda x: x[: self.count], jax.device_get(tree))
 
 
 def params_of_seeds(
@@ -71,7 +82,10 @@ def of_each_seed(make: Callable[[int], EnvParams], seeds: Sequence[int]) -> EnvP
 
 def place_params(env_params: TaskParams, sharding: NamedSharding | None) -> TaskParams:
     """Parameters of all seeds on their devices, which every device shares the table of."""
-    return jax.device_put(env_params, _placement(sharding))
+    filled = env_params.replace(  # type: ignore[attr-defined]
+        env=padded(env_params.env, sharding), numbers=padded(env_params.numbers, sharding)
+    )
+    return jax.device_put(filled, _placement(sharding))
 
 
 def trace(
@@ -99,7 +113,7 @@ def trace(
     if restartable and agent.restart is None:
         raise ValueError("this learner cannot go on with other tasks: it remembers steps of the former ones")
     tasks = _placement(sharding)
-    keys = jax.device_put(stream_keys(seeds, TRAINING), sharding)
+    keys = jax.device_put(padded(stream_keys(seeds, TRAINING), sharding), sharding)
     env_params = place_params(env_params, sharding)
 
     def compiled(function: Any, over: Any, **options: Any) -> Any:
@@ -118,6 +132,7 @@ def trace(
             lowered_restart = compiled(agent.restart, axes, donate_argnums=0).lower(state, env_params)
             _require_same("restart", state, _shapes(lowered_restart.out_info))
     return Program(
+        count=len(seeds),
         keys=keys,
         env_params=env_params,
         state=state,

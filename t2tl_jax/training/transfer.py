@@ -50,7 +50,7 @@ def adopt(agent: Agent, train_state: Any, encoder: Params, sharding: NamedShardi
     def into(params: Params) -> Params:
         own = jax.tree_util.tree_leaves_with_path(params["params"][PART])
         new = jax.tree_util.tree_leaves_with_path(encoder)
-        if [(path, x.shape) for path, x in own] != [(path, x.shape) for path, x in new]:
+        if [(path, x.shape[1:]) for path, x in own] != [(path, x.shape[1:]) for path, x in new]:
             raise ValueError(f"the pre-trained encoder has arrays {_sizes(new)}, this one has {_sizes(own)}")
         return with_encoder(params, place(encoder, sharding))
 

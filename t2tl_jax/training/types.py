@@ -135,6 +135,8 @@ class Agent(NamedTuple):
         that it holds.
     num_envs: environments that `iterate` may spread over devices, where it marks its arrays by `devices.over_envs`; 1
         for learners that do not.
+    replay: name of the field of the train state that holds what was experienced and only a training that goes on needs;
+        '' for learners without one.
     given(env_params) -> the same learner with the numbers in `env_params`, if there are any, instead of those of its
         configuration. Not for a learner to define: see `training/numbers.py`.
 
@@ -155,6 +157,7 @@ class Agent(NamedTuple):
     compare: Callable[[Params, AgentCarry, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]] | None = None
     map_params: Callable[[Any, Callable[[Params], Params]], Any] = map_params
     num_envs: int = 1
+    replay: str = ""
     given: Callable[[TaskParams], "Agent"] | None = None
 
 

@@ -314,6 +314,21 @@ def test_replay_wraps_around_and_keeps_the_newest(learner):
 
 
 @pytest.mark.slow
+def test_ten_billion_frames_overflow_no_counter(learner):
+    """As late as that it still learns, and explores as at the end; `learning_starts` was counted in frames."""
+    _, init, iterate = learner
+    state = init(jax.random.key(0))
+    for _ in range(3):
+        state, _ = iterate(state)
+    late = dataclasses.replace(state, iteration=jnp.int32(10**10 // (8 * 10)))
+    after, metrics = iterate(late)
+    moved = jax.tree.map(lambda a, b: np.abs(a - b).max(), after.params, late.params)
+    assert max(jax.tree.leaves(moved)) > 0
+    assert metrics.scalars["epsilon"] == pytest.approx(DQN.epsilon_end)
+    assert DQNConfig().max_frames > 10**10 and after.iteration > late.iteration > 0
+
+
+@pytest.mark.slow
 def test_vmapped_seeds_equal_single_seeds(env, learner):
     """In the third iteration they learn."""
     agent, init, iterate = learner

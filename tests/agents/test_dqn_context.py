@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+from t2tl_jax.agents.replay import make_replay
 from t2tl_jax.agents.td_learning import dqn_loss, td_targets
 from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
@@ -59,24 +60,19 @@ def test_replay_keeps_the_window_that_acted(learner):
     _, _, state, iterate = learner
     for _ in range(2):
         state, _ = iterate(state)
-    stored = jax.tree.map(lambda x: np.asarray(x).reshape(50, 8, *x.shape[2:]), state.buffer.experience)
-    assert stored.steps.action.shape == (50, 8, 3)  # the window and the step itself
+    stored = jax.tree.map(lambda x: np.asarray(x)[0, :400].reshape(50, 8, *x.shape[2:]), state.buffer.experience)
+    assert stored.steps.seen == () and state.buffer.experience.obs.shape == (1, 400 + 2 * 8, 3)  # each step once
     ages = np.zeros((51, 8), int)
     for i in range(8):
         episode = []
         for t in range(50):
             ages[t, i] = len(episode)
-            episode.append((stored.obs[t, i], stored.action[t, i]))
-            known = episode[-3:]
-            np.testing.assert_array_equal(stored.steps.valid[t, i], [False] * (3 - len(known)) + [True] * len(known))
-            for slot, (obs, action) in enumerate(known, start=3 - len(known)):
-                np.testing.assert_array_equal(stored.steps.seen[t, i, slot], obs)
-                assert stored.steps.action[t, i, slot] == action
-            np.testing.assert_array_equal(stored.steps.reward[t, i, :-1], 0)  # rewards come with the end
-            if stored.steps.reward[t, i, -1] != 0 or stored.cut[t, i]:
+            episode.append(t)
+            assert stored.steps.filled[t, i] == len(episode[-3:])  # the window and the step itself
+            if stored.steps.reward[t, i] != 0 or stored.cut[t, i]:  # rewards come with the end
                 episode = []
         ages[50, i] = len(episode)
-    assert (stored.steps.reward[:, :, -1] != 0).any() and stored.cut.any()
+    assert (stored.steps.reward != 0).any() and stored.cut.any()
     np.testing.assert_array_equal(state.episodes.elapsed, ages[50])
     np.testing.assert_array_equal(state.carry.valid.sum(axis=1), np.minimum(ages[50], 2))
 
@@ -87,7 +83,7 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
     env, _, state, iterate = learner
     state, _ = iterate(state)
     table, network = env.table, QNetwork(NETWORK, 3)
-    stored = jax.tree.map(lambda x: x[0, :100], state.buffer.experience)
+    stored = make_replay(DQN.buffer_size, 100, DQN.num_envs, CONTEXT).sample(state.buffer, jax.random.key(1))
     before, after = (jax.tree.map(lambda x, chosen=chosen: x[:, chosen], stored.steps) for chosen in ([0, 1], [1, 2]))
     params, target_params = state.params, jax.tree.map(lambda x: 0.9 * x, state.params)
     embedding = network.apply(params, table, method="embed")

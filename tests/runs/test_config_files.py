@@ -44,7 +44,7 @@ def test_any_values_survive_json(share, frames, task):
     [
         ("zone_ppo", {}, 1),  # iterations
         ("zone_ppo", {"anneal_learning_rate": True}, 4 * 16),  # gradient steps
-        ("waterworld_dqn", {}, 64 * 128),  # steps of all environments
+        ("waterworld_dqn", {}, 64),  # steps of each environment
         ("waterworld_dqn", {"updates_per_step": 200}, 64 * 200),  # gradient steps
     ],
 )

@@ -43,3 +43,23 @@ def test_every_iteration_is_recorded_once_and_before_it_is_saved(monkeypatch, ba
         assert [n for kind, n in events if kind == expected_once] == list(range(3, expected + 1))
     saved = [n for kind, n in events if kind == "save"]
     assert saved == ([] if expected == 2 else list(range(3, expected + 1)) if period == 0 else [expected])
+
+
+def test_checkpoints_take_one_part_in_twenty_of_the_time(monkeypatch):
+    """An iteration takes 1 s and a checkpoint 4 s, on a clock of our own; one every 10 s is asked for."""
+    clock, saved = 0.0, []
+    monkeypatch.setattr(loop.time, "monotonic", lambda: clock)
+
+    def iterate(state, _):
+        nonlocal clock
+        clock += 1
+        return state, {}
+
+    def save(iteration, _):
+        nonlocal clock
+        saved.append(iteration)
+        clock += 4
+
+    hooks = loop.Hooks(lambda *_: None, lambda *_: None, save, lambda: False, lambda done, state: (state, None))
+    loop.run_loop(iterate, 0, 0, 300, 10, hooks)
+    assert saved == [10, 90, 170, 250, 300]

@@ -11,9 +11,11 @@ import pytest
 from PIL import Image
 
 from experiments import run
+from t2tl_jax.registry import AGENTS, Kind
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.folder import open_existing
+from tests import fake_agent
 
 
 def restored(folder):
@@ -86,6 +88,49 @@ def test_a_run_without_checkpoint_starts_over(long, resume, tmp_path):
     shutil.rmtree(broken / "checkpoints")
     assert resume(broken) == 0
     assert_same_run(long, broken)
+
+
+@pytest.mark.slow
+def test_a_damaged_checkpoint_is_said_and_changes_nothing(train, resume, evaluate_run, capsys):
+    """The one before it is taken, to be evaluated and to go on from."""
+    whole = train("--frames", "300", "--run.evaluation-episodes", "0", "--run.checkpoint-period", "0")
+    broken = train("--frames", "300", "--run.evaluation-episodes", "0", "--run.checkpoint-period", "0")
+    for path in (broken / "checkpoints" / "3" / "latest").rglob("*"):
+        if path.is_file():
+            path.write_bytes(path.read_bytes()[:-1])
+    capsys.readouterr()
+    assert evaluate_run(broken, "--episodes", "4") == 0
+    assert "note: cannot read 'latest' of checkpoint" in capsys.readouterr().out
+    for path in (broken / "checkpoints" / "3" / "state").rglob("*"):
+        if path.is_file():
+            path.write_bytes(path.read_bytes()[:-1])
+    assert resume(broken, "--run.evaluation-episodes", "0") == 0
+    shown = capsys.readouterr().out
+    assert "note: cannot read 'state' of checkpoint" in shown and "resuming after iteration 2" in shown
+    assert_same_run(whole, broken)
+    assert (broken / "damaged_checkpoints" / "3").is_dir()
+
+
+@pytest.mark.slow
+def test_replay_goes_with_the_end_of_a_run_unless_it_is_to_go_on(train, resume, monkeypatch, capsys):
+    """A learner whose optimiser's state is called its replay."""
+
+    def make(*given):
+        return fake_agent.make_agent(*given)._replace(replay="opt_state")
+
+    monkeypatch.setitem(AGENTS._kinds, "fake", Kind(fake_agent.FakeConfig, make))
+    plain = ("--run.evaluation-episodes", "0", "--run.checkpoint-period", "0")
+    whole = train("--frames", "400", *plain)
+    assert not list(whole.glob("checkpoints/*/replay")) and len(list(whole.glob("checkpoints/*/state"))) == 2
+    assert resume(whole, *plain) == 0  # it is complete
+    assert resume(whole, "--frames", "500", *plain) == 2
+    assert "its replay is not kept: it can be evaluated, but not trained further" in capsys.readouterr().err
+    kept = train("--frames", "300", *plain, "--run.keep-replay", "True")
+    assert len(list(kept.glob("checkpoints/*/replay"))) == 2
+    assert resume(kept, "--frames", "400", *plain, "--run.keep-replay", "False") == 0
+    assert (kept / "metrics.csv").read_bytes() == (whole / "metrics.csv").read_bytes()
+    info = "checkpoints/4/info/metadata"  # with a checksum of every array
+    assert (kept / info).read_bytes() == (whole / info).read_bytes()
 
 
 @pytest.mark.slow

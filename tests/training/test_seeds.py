@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from t2tl_jax.training.devices import seed_sharding
+from t2tl_jax.training.devices import lanes, padded, seed_sharding
 from t2tl_jax.training.seeds import parse_seeds, stream_keys
 
 
@@ -38,6 +38,18 @@ def test_environments_are_spread_evenly_over_the_devices_that_seeds_leave():
 
     assert [meshes(1, num_envs=8, per_seed=most) for most in (0, 1, 2, 3, 9)] == [(1, 4), None, (1, 2), (1, 2), (1, 4)]
     assert meshes(2, num_envs=6) == (2, 2) and meshes(3, num_envs=6) == (3, 1) and meshes(1, num_envs=1) is None
+
+
+@pytest.mark.parametrize(
+    ("count", "used", "trained"), [(11, 8, 16), (13, 8, 16), (17, 8, 24), (12, 6, 12), (8, 8, 8), (5, 5, 5), (9, 8, 16)]
+)
+def test_seeds_that_do_not_share_out_evenly_are_filled_up(count, used, trained):
+    placed = seed_sharding(count, devices=jax.devices()[:1] * 8)
+    assert placed.mesh.size == used and lanes(count, placed) == trained
+    filled = padded({"seed": np.arange(count)}, placed)["seed"]
+    assert (
+        len(filled) == trained and filled[:count].tolist() == list(range(count)) and (filled[count:] == count - 1).all()
+    )
 
 
 @pytest.mark.slow

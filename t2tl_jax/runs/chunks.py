@@ -1,0 +1,166 @@
+"""Seeds that do not fit into the memory of the devices together: they train in groups, one after another.
+
+The state of all seeds lies on the host. In every iteration each group is moved to the devices, goes on, and is moved
+back, so that everything around the training sees one iteration of all seeds. A group is a program of its own width,
+and the last one is filled up (see `training/devices.py`).
+"""
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import jax
+import numpy as np
+
+from t2tl_jax.errors import Note
+from t2tl_jax.runs.compilation import Compilation, Compiled
+from t2tl_jax.runs.experiment import Experiment
+from t2tl_jax.task_env import TaskParams
+from t2tl_jax.training.devices import place
+from t2tl_jax.training.program import Program, place_params
+
+MOST = 0.9
+"""Share of a device's memory that a program may take."""
+
+
+def fit(experiment: Experiment, compilation: Compilation, width: int = 0) -> tuple[int, Compiled]:
+    """How many seeds are on the devices together, and the program of all seeds that goes through such groups.
+
+    As many as the configuration says, else as fit by what the compiler says, which a `Note` tells where it is not all.
+
+    Args:
+        experiment: what is trained.
+        compilation: of the experiment, under way.
+        width: of an earlier session, which is kept if it fits: programs of different widths round differently.
+    """
+    count, asked = experiment.program.count, experiment.config.run.seeds_at_once
+    width = min(asked or width or count, count)
+    while True:
+        width = even(count, width)
+        program = experiment.program_for(width)
+        same = compilation.program.count == program.count
+        compiled = (compilation if same else Compilation(program, compilation.fresh)).result()
+        most = width if asked else fitting(compiled.iterate, width)
+        if most == width:
+            return width, compiled if width == count else in_chunks(program, compiled, count)
+        width = most
+        warnings.warn(
+            f"{count:,} seeds do not fit into the memory of the devices together: {even(count, width):,} train side by "
+            "side, and every iteration goes through all of them (--run.seeds-at-once sets the number)",
+            Note,
+            stacklevel=2,
+        )
+
+
+def even(count: int, most: int) -> int:
+    """The width of the fewest groups of `most` seeds at most, as even as can be."""
+    return -(-count // -(-count // most))
+
+
+def fitting(compiled: Any, width: int, memory: int | None = None) -> int:
+    """How many seeds fit on the devices side by side, by what the compiler says of a program for `width`; at least 1.
+
+    Args:
+        compiled: its iteration.
+        width: its seeds.
+        memory: bytes of one device; by default those that are there.
+    """
+    given = compiled.memory_analysis()
+    memory = device_memory() if memory is None else memory
+    if given is None or memory is None:  # not told on this hardware
+        return width
+    sizes = given.argument_size_in_bytes, given.output_size_in_bytes, given.temp_size_in_bytes
+    need = sum(sizes) - given.alias_size_in_bytes
+    return width if need <= MOST * memory else max(1, int(width * MOST * memory / need))
+
+
+def device_memory() -> int | None:
+    """Bytes that one device has for programs; None if it does not say. On a CPU, its share of what is free."""
+    device = jax.local_devices()[0]
+    if device.platform != "cpu":
+        return (device.memory_stats() or {}).get("bytes_limit")
+    try:
+        with open("/proc/meminfo", encoding="utf-8") as file:
+            sizes = dict(line.split(":", 1) for line in file)
+        return int(sizes["MemAvailable"].split()[0]) * 1024 // jax.local_device_count()
+    except (OSError, KeyError, ValueError):
+        return None
+
+
+def in_chunks(program: Program, compiled: Compiled, count: int) -> Compiled:
+    """The functions of a program for a group as functions of all seeds, whose states are trees on the host.
+
+    Args:
+        program: of one group.
+        compiled: its functions.
+        count: seeds in all.
+    """
+    width = program.count
+    parts = [(start, min(start + width, count)) for start in range(0, count, width)]
+
+    def each(function: Callable[..., Any], first: Any, env_params: TaskParams) -> Iterator[tuple[int, int, Any]]:
+        """What a function gives for every group: its first seed, the one behind its last, and the result."""
+        for start, end in parts:
+            group = np.minimum(np.arange(start, start + width), count - 1)
+            own = replace(env_params, env=_taken(env_params.env, group), numbers=_taken(env_params.numbers, group))
+            given = place(_taken(first, group), program.sharding)
+            yield start, end, function(given, place_params(own, program.sharding))
+
+    def init(keys: jax.Array, env_params: TaskParams) -> Any:
+        state: Any = None
+        for start, end, result in each(compiled.init, keys, env_params):
+            state = _put(_room(result, count) if state is None else state, result, start, end)
+        return state
+
+    def iterate(state: Any, env_params: TaskParams) -> tuple[Any, Any]:
+        metrics: Any = None
+        for start, end, (after, own) in each(compiled.iterate, state, env_params):
+            state = _put(state, after, start, end)
+            metrics = _put(_room(own, count) if metrics is None else metrics, own, start, end)
+        return state, metrics
+
+    def restart(state: Any, env_params: TaskParams) -> Any:
+        for start, end, after in each(compiled.restart, state, env_params):
+            state = _put(state, after, start, end)
+        return state
+
+    return Compiled(init, iterate, restart, compiled.seconds)
+
+
+def on_host(tree: Any) -> Any:
+    """Arrays of the host that can be written to; keys stay what they are."""
+    return jax.tree.map(lambda x: x if _is_key(x) else np.array(x), tree)
+
+
+def _taken(tree: Any, index: np.ndarray) -> Any:
+    return jax.tree.map(lambda x: x[index], tree)
+
+
+def _room(tree: Any, count: int) -> Any:
+    """For as many seeds, arrays like these."""
+
+    def room(x: Any) -> Any:
+        if not _is_key(x):
+            return np.empty((count, *x.shape[1:]), x.dtype)
+        data = jax.random.key_data(x)
+        nothing = jax.numpy.zeros((count, *data.shape[1:]), data.dtype)
+        return jax.random.wrap_key_data(nothing, impl=jax.random.key_impl(x))
+
+    return jax.tree.map(room, tree)
+
+
+def _put(old: Any, new: Any, start: int, end: int) -> Any:
+    """All seeds, with those of a group from the devices in their place, where they are written to."""
+
+    def put(old: Any, new: Any) -> Any:
+        if _is_key(old):
+            return old.at[start:end].set(jax.device_put(new[: end - start], jax.local_devices()[0]))
+        old[start:end] = np.asarray(new)[: end - start]
+        return old
+
+    return jax.tree.map(put, old, new)
+
+
+def _is_key(x: Any) -> bool:
+    return jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key)

@@ -1,0 +1,71 @@
+"""Trees of arrays as they lie on disk: NumPy arrays, keys as their data, nothing empty, with a checksum of each."""
+
+import json
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import numpy as np
+
+
+def copied(tree: Any, count: int | None = None) -> Any:
+    """A tree of arrays on the host, which nothing else writes to; the first `count` entries of leading axes, or all.
+
+    On a CPU a plain transfer is a view of memory that the next iteration may overwrite; elsewhere it is a copy already.
+    """
+
+    def own(x: Any, got: Any) -> np.ndarray:
+        shared = not isinstance(x, jax.Array) or any(device.platform == "cpu" for device in x.devices())
+        return _storable(np.array(got[:count], copy=True) if shared else np.asarray(got)[:count])
+
+    plain = _unwrap_keys(tree)
+    return jax.tree.map(own, plain, jax.device_get(plain))
+
+
+def blank(like: Any) -> Any:
+    """Zeros of the shapes and dtypes that `like` has on disk."""
+    shapes = jax.eval_shape(_unwrap_keys, like)
+    return jax.tree.map(lambda x: _storable(np.zeros(x.shape, x.dtype)), shapes)
+
+
+def as_in(like: Any, value: np.ndarray) -> Any:
+    """One array from the disk as the one of `like` that it was: with its type of key, or its empty shape."""
+    if _is_key(like):
+        return jax.random.wrap_key_data(jax.numpy.asarray(value))
+    return value if like.size else np.zeros(like.shape, like.dtype)
+
+
+def differences(wanted: Any, got: Any) -> list[str]:
+    """Which arrays have other shapes or dtypes than those wanted, in words."""
+    pairs = zip(jax.tree_util.tree_leaves_with_path(wanted), jax.tree.leaves(got), strict=True)
+    return [
+        f"{jax.tree_util.keystr(path)}: {np.shape(got)} on disk, {want.shape} expected"
+        for (path, want), got in pairs
+        if np.shape(got) != want.shape or np.asarray(got).dtype != want.dtype
+    ]
+
+
+def checksums(tree: Any) -> list[int]:
+    """CRC-32 of every array, in the order of the tree's leaves."""
+    return [zlib.crc32(np.ascontiguousarray(x).reshape(-1).view(np.uint8)) for x in jax.tree.leaves(tree)]
+
+
+def checksum(info: Mapping[str, Any]) -> int:
+    """CRC-32 of what a JSON object says, but for its own checksum."""
+    content = {name: value for name, value in info.items() if name != "checksum"}
+    return zlib.crc32(json.dumps(content, sort_keys=True).encode())
+
+
+def _is_key(x: Any) -> bool:
+    return jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key)
+
+
+def _unwrap_keys(tree: Any) -> Any:
+    """Typed keys as their ``uint32`` data, which every version of Orbax can store."""
+    return jax.tree.map(lambda x: jax.random.key_data(x) if _is_key(x) else x, tree)
+
+
+def _storable(x: np.ndarray) -> np.ndarray:
+    """Orbax refuses arrays without entries, such as the observations of an environment that shows nothing."""
+    return x if x.size else np.zeros(1, x.dtype)
