@@ -48,6 +48,7 @@ class Metrics:
 
     episodes: EpisodeTotals
     scalars: dict[str, jax.Array]
+    fault: jax.Array | int = 0  # int32, a `Fault`: for the runner to fill in, see `training/guard.py`
 
 
 class TrainState(Protocol):
