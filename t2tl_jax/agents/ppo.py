@@ -17,6 +17,7 @@ from flax import struct
 
 from t2tl_jax import checks
 from t2tl_jax.agents.ppo_learning import Batch, by_time, in_segments, misaligned, ppo_loss
+from t2tl_jax.agents.row_codes import make_codes
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.context import Carry, Segment, Window
@@ -200,8 +201,12 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         task_encoder_learning_rate=config.task_encoder_learning_rate,
     )
 
-    def embed(params: Params, table: TaskTable) -> jax.Array:
-        return apply(params, table, method="embed")
+    embed, codes = make_codes(
+        config.task_encoder,
+        config.freezes_task_encoder,
+        partial(apply, method="embed"),
+        partial(apply, method="embed_rows"),
+    )
 
     def act(
         params: Params,
@@ -367,24 +372,27 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             carry=carry if context is None or context.aligned else misaligned(config, carry),
         )
 
-    def gradient_step(table: TaskTable, carry: tuple[Params, optax.OptState], minibatch: Batch):
+    def gradient_step(
+        table: TaskTable, embedding: jax.Array, carry: tuple[Params, optax.OptState], minibatch: Batch
+    ) -> tuple[tuple[Params, optax.OptState], dict[str, jax.Array]]:
         params, opt_state = carry
 
         def loss(params: Params) -> tuple[jax.Array, dict[str, jax.Array]]:
-            # Each distinct formula is encoded once; the gather's gradient sums over the samples of a row.
-            return ppo_loss(config, network, params, embed(params, table)[minibatch.row], minibatch)
+            return ppo_loss(config, network, params, codes(params, table, embedding, minibatch.row), minibatch)
 
         gradient, scalars = jax.grad(loss, has_aux=True)(params)
         updates, opt_state = optimizer.update(gradient, opt_state, params)
         scalars["gradient_norm"] = optax.tree.norm(gradient)
         return (optax.apply_updates(params, updates), opt_state), scalars
 
-    def epoch(table: TaskTable, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):
+    def epoch(
+        table: TaskTable, embedding: jax.Array, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch
+    ):
         count = config.batch_size // config.segment_length
         order = jax.random.permutation(key, count).reshape(config.num_minibatches, -1)
 
         def minibatch_step(carry, chosen):
-            return gradient_step(table, carry, over_envs(jax.tree.map(lambda x: x[chosen], batch)))
+            return gradient_step(table, embedding, carry, over_envs(jax.tree.map(lambda x: x[chosen], batch)))
 
         return jax.lax.scan(minibatch_step, carry, order)
 
@@ -403,7 +411,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
 
         # UPDATE
         (params, opt_state), scalars = jax.lax.scan(
-            lambda carry, key: epoch(table, carry, key, batch),
+            lambda carry, key: epoch(table, embedding, carry, key, batch),
             (state.params, state.opt_state),
             jax.random.split(epochs_key, config.epochs),
         )
