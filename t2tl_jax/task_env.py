@@ -109,8 +109,8 @@ class TaskEnv(Env):
         row = jax.random.choice(task_key, tasks) if turn is None else tasks[turn % len(tasks)]
         if self.starts_anywhere:
             share_key, row_key = jax.random.split(row_key)
-            is_open = params.table.is_open.astype(jnp.float32)
-            random_row = jax.random.categorical(row_key, jnp.log(is_open))
+            possible = params.table.may_start.astype(jnp.float32)
+            random_row = jax.random.categorical(row_key, jnp.log(possible))
             row = jnp.where(jax.random.uniform(share_key) < self.random_starts, random_row, row)
         return self.reset_to_row(env_key, row, params)
 

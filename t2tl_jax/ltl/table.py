@@ -38,6 +38,7 @@ class TaskTable:
         alphabet: "every_subset" or "at_most_one" (static).
         transition_reward: float32 `[rows, letters]`, what reward machines pay; None where the verdict is the reward.
         states: names of the rows of reward machines, empty for formulas (static).
+        starts: bool `[rows]`, the open rows in which an episode may begin; None for all of them.
     """
 
     tokens: jax.Array
@@ -50,6 +51,7 @@ class TaskTable:
     alphabet: str = flax.struct.field(pytree_node=False)
     transition_reward: jax.Array | None = None
     states: tuple[str, ...] = flax.struct.field(pytree_node=False, default=())
+    starts: jax.Array | None = None
 
     # ----- inside jit -----
 
@@ -118,6 +120,11 @@ class TaskTable:
     def is_open(self) -> jax.Array:
         """Rows that are neither true nor false: bool `[rows]`."""
         return self.verdict == 0
+
+    @property
+    def may_start(self) -> jax.Array:
+        """Rows in which an episode may begin: bool `[rows]`."""
+        return self.is_open if self.starts is None else self.starts
 
     # ----- on the host -----
 

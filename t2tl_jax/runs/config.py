@@ -88,11 +88,14 @@ class PoolConfig:
     size: Count = 32
     """Formulas in a table; all seeds of a run have the same ones."""
     period: Count = 4
-    """Iterations until the next table takes its place. Episodes under way then start anew."""
+    """Iterations until the next table takes its place. Episodes under way then start anew, unless they `finish`."""
     rows: Count = 512
     """Rows of a table: what its formulas can become. Formulas that do not fit are drawn again."""
     length: Count = 48
     """Tokens of a row. Formulas that do not fit are drawn again."""
+    finish: bool = False
+    """Let episodes under way end with the tasks that they began with: the table then has room for two pools, and its
+    period must be no shorter than an episode can be."""
     seed: Count = 0
     """Which formulas are drawn. The pool for evaluation is another one in any case."""
     held_out: str = ""

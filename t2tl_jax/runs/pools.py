@@ -1,6 +1,6 @@
 """The tasks of a configuration as tables: one for a fixed task, one after another for a family of random ones."""
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from t2tl_jax.ltl import (
     row_languages,
 )
 from t2tl_jax.ltl.languages import Language, languages
+from t2tl_jax.ltl.turns import in_turns
 from t2tl_jax.runs.config import Config
 
 DRAWS_PER_POOL = 10
@@ -34,16 +35,23 @@ class Pools:
 
     def __init__(self, config: Config, env: LabelledEnv) -> None:
         self._config, self._env = config, env
+        self._of_number = lru_cache(maxsize=2)(self._draw)  # the present one and the one before
         self._held_out = cache(self._make_held_out)
         self._first = cache(lambda: _pool(config, env, "0", held_out=self._held_out()))
         self._evaluation = cache(self._make_evaluation)
 
     def training(self, number: int) -> TaskTable:
-        """The pools that are trained on, by number.
+        """What is trained on, by number: a pool, or with `pool.finish` a pool beside the one before.
 
         Asking for pool 0 raises ``TooLargeError`` where the caps are too small. Later pools always come: a run that
         could begin does not end because of an unlucky draw.
         """
+        pool = self._of_number(number)
+        if not self._config.pool.finish:
+            return pool
+        return in_turns(pool, self._of_number(number - 1) if number else None, number)
+
+    def _draw(self, number: int) -> TaskTable:
         if number == 0:
             return self._first()
         table = self.evaluation
@@ -102,8 +110,21 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
 
 
 def make_pools(config: Config, env: LabelledEnv) -> Pools | None:
-    """The pools of a family; None for any other task."""
-    return Pools(config, env) if is_family(config.task, env.propositions) else None
+    """The pools of a family; None for any other task.
+
+    Raises:
+        ValueError: for pools that are to let episodes finish and change too soon for that.
+    """
+    if not is_family(config.task, env.propositions):
+        return None
+    pool, steps = config.pool, config.learner.unroll_length
+    if pool.finish and pool.period * steps < config.episode_length:
+        raise ValueError(
+            f"episodes of up to {config.episode_length} steps cannot finish while one pool lasts for pool.period x "
+            f"learner.unroll_length = {pool.period} x {steps} steps; set pool.period to "
+            f"{-(-config.episode_length // steps)} or more, or pool.finish=False"
+        )
+    return Pools(config, env)
 
 
 def _languages(table: TaskTable, rows: np.ndarray) -> frozenset[Language]:

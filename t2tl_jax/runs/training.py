@@ -226,7 +226,7 @@ class Training:
                 best = {discount: optimal_return(table, discount) for discount in set(experiment.discounts)}
                 optima[number] = [best[discount] for discount in experiment.discounts]
                 env_params = place_params(replace(env_params, table=table), program.sharding)
-            if renew and done:
+            if renew and done and compiled.restart is not None:
                 state = compiled.restart(state, env_params)
             return state, env_params
 
