@@ -27,8 +27,8 @@ from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.advantages import generalised_advantages
 from t2tl_jax.training.devices import on_each, over_envs
 from t2tl_jax.training.optimizer import AdamLearnerConfig, clipped_adam
-from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics, Params, repeated
-from t2tl_jax.training.unroll import Episode, Player, Step, begin, env_scalars, summed, unroll
+from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics, Params, TaskTotals, repeated
+from t2tl_jax.training.unroll import Episode, Player, Step, begin, env_scalars, summed, task_totals, unroll
 
 
 @dataclass(frozen=True)
@@ -259,7 +259,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
 
     def collect(
         state: PPOState, env_params: TaskParams, embedding: jax.Array, key: jax.Array
-    ) -> tuple[Known, Episode, Transitions, EpisodeTotals, dict[str, jax.Array]]:
+    ) -> tuple[Known, Episode, Transitions, Metrics]:
         correlation = noise_correlation(config, state.iteration / iterations)
 
         def explore(known: Known, now: State, key: jax.Array) -> tuple[jax.Array, Known, jax.Array]:
@@ -277,7 +277,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             window = network.next_episode(actor(state.params, window, *step, method="remember"), ended)
             return noise, carry, window
 
-        def keep(step: Step) -> tuple[Transitions, EpisodeTotals, dict[str, jax.Array]]:
+        def keep(step: Step) -> tuple[Transitions, EpisodeTotals, TaskTotals | None, dict[str, jax.Array]]:
             transition = Transitions(
                 obs=step.obs,
                 row=step.row,
@@ -290,7 +290,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
                 next_row=env.row(step.state),
                 carry=(),
             )
-            return transition, step.totals, step.state.metrics
+            return transition, step.totals, task_totals(step, env_params.table), step.state.metrics
 
         # The window, which is large, is kept once a segment; without context there is none, and all is one stretch.
         stretch = config.unroll_length if context is None else config.segment_length
@@ -316,9 +316,11 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         known = noise, carry, embedded(state.params, carry)
         keys = jax.random.split(key, config.unroll_length // stretch)
         (episodes, known), (carry, kept) = jax.lax.scan(one_stretch, (start, known), keys)
-        transitions, totals, env_metrics = kept
+        transitions, totals, by_task, env_metrics = kept
         transitions = jax.tree.map(lambda x: x.reshape(config.unroll_length, *x.shape[2:]), transitions)
-        return known, episodes, replace(transitions, carry=carry), summed(totals), env_scalars(env_metrics)
+        by_task = jax.tree.map(lambda x: x.sum(axis=(0, 1)), by_task)
+        metrics = Metrics(summed(totals), env_scalars(env_metrics), by_task)
+        return known, episodes, replace(transitions, carry=carry), metrics
 
     def embedded(params: Params, carry: Carry) -> Carry:
         """The window with embeddings of what was seen in it."""
@@ -402,9 +404,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
 
         # COLLECT
         embedding = embed(state.params, table)  # one for acting and for the values: the parameters are the same
-        (noise, carry, _), episodes, transitions, totals, env_metrics = collect(
-            state, env_params, embedding, rollout_key
-        )
+        (noise, carry, _), episodes, transitions, metrics = collect(state, env_params, embedding, rollout_key)
 
         # ADVANTAGE
         batch = on_each(make_batch(embedding, state.params, transitions))  # minibatches choose among all samples
@@ -425,7 +425,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             key=key,
             iteration=state.iteration + 1,
         )
-        return new_state, Metrics(episodes=totals, scalars=jax.tree.map(jnp.mean, scalars) | env_metrics)
+        return new_state, replace(metrics, scalars=jax.tree.map(jnp.mean, scalars) | metrics.scalars)
 
     return Agent(
         init=init,

@@ -4,6 +4,7 @@ Training on random formulas takes one pool after another. Since shapes do not ch
 """
 
 import random
+from collections import Counter
 from collections.abc import Collection, Sequence
 
 import jax
@@ -39,6 +40,7 @@ def compile_pool(
     unlike: Collection[Language] = (),
     without: Collection[Language] = (),
     held_out: Collection[Language] = (),
+    fill: bool = False,
 ) -> TaskTable:
     """Draw `size` different formulas of a family and compile them to one table, on the host.
 
@@ -62,6 +64,7 @@ def compile_pool(
         unlike: no formula means one of these.
         without: nor does one mean or become one of these.
         held_out: nor one of these, under whatever names of propositions; classes of `renaming`.
+        fill: where fewer than `size` are found, they come again until there are as many.
 
     Raises:
         UnknownTaskError, LTLError: for a family that does not exist or needs more propositions.
@@ -78,14 +81,57 @@ def compile_pool(
             return builder.table()
         builder.add(draw(rng))
     if len(builder.initial_row) >= (size if least is None else least):
-        return builder.table()
+        return builder.table(repeated_to=size if fill else 0)
     raise TooLargeError(
         f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {DRAWS_PER_TASK * size} draws: '
-        f"{builder.too_long} had a row of more than {length} tokens, {builder.too_many} too many states for the "
-        f"{rows} rows together, {builder.repeated} came twice, {builder.kept_out} belong to another pool, "
-        f"{builder.entangled} have too many propositions that play the same part to be compared with what is held out; "
-        "raise the caps on tokens and rows, or ask for fewer formulas"
+        f"{builder.reasons()}; raise the caps on tokens and rows, or ask for fewer formulas"
     )
+
+
+def compile_weighted(
+    tasks: Sequence[Formula],
+    weights: Sequence[float],
+    propositions: Sequence[str],
+    alphabet: str,
+    seed: str | int,
+    *,
+    size: int,
+    rows: int,
+    length: int,
+    progression: str = EXACT,
+    without: Collection[Language] = (),
+    held_out: Collection[Language] = (),
+) -> tuple[TaskTable, list[int]]:
+    """Draw `size` of some tasks by their weights, each as often as it comes, and compile them to one table.
+
+    A task that does not fit or is kept out is never drawn again; arguments and shapes are those of `compile_pool`.
+
+    Returns:
+        The table, and for each of its tasks which of the given ones it is.
+
+    Raises:
+        TooLargeError: when none of the tasks fits.
+    """
+    rng = random.Random(f"weighted {seed}")
+    builder = _Builder(
+        tuple(propositions), alphabet, rows, length, progression, frozenset(), frozenset(without), frozenset(held_out)
+    )
+    left = {number: weight for number, weight in enumerate(weights) if weight > 0}
+    place_of: dict[int, int] = {}
+    drawn: list[int] = []
+    while len(drawn) < size:
+        if not left:
+            raise TooLargeError(f"none of {len(tasks)} tasks can be had: {builder.reasons()}; raise the caps")
+        (number,) = rng.choices(list(left), list(left.values()))
+        if number not in place_of:
+            row = builder.row_of_task(tasks[number])
+            if row is None:
+                del left[number]
+                continue
+            place_of[number] = row
+        drawn.append(number)
+    builder.initial_row = [place_of[number] for number in drawn]
+    return builder.table(), drawn
 
 
 class _Builder:
@@ -109,35 +155,59 @@ class _Builder:
         self.row_of: dict[tuple[int, ...], int] = {}
         self.used = 2
         self.initial_row: list[int] = []
-        self.too_long = self.too_many = self.repeated = self.kept_out = self.entangled = 0
+        self.outcome: dict[Formula, str] = {}
+        self.count: Counter[str] = Counter()
         self.renamed: dict[Language, Language] = {}
 
-    def add(self, formula: Formula) -> None:
-        """Take in a formula, or count why not."""
+    def add(self, formula: Formula) -> str:
+        """Take in a formula, or say and count why not; one that came before is not looked at again."""
+        known = self.outcome.get(formula)
+        outcome = self._add(formula) if known is None else "repeated" if known == "taken" else known
+        self.outcome.setdefault(formula, outcome)
+        self.count[outcome] += 1
+        return outcome
+
+    def _add(self, formula: Formula) -> str:
         try:
             automaton = build([formula], self.names, self.alphabet, max_rows=self.rows, progression=self.progression)
         except TooLargeError:
-            self.too_many += 1
-            return
+            return "too many"
         start = int(automaton.initial_row[0])
         fresh = [row for row in range(2, len(automaton.tokens)) if automaton.tokens[row] not in self.row_of]
         if start < 2 or self.row_of.get(automaton.tokens[start]) in self.initial_row:
-            self.repeated += 1
-        elif max(map(len, automaton.tokens)) > self.length:
-            self.too_long += 1
-        elif len(fresh) > self.rows - self.used:
-            self.too_many += 1
-        else:
-            try:
-                kept_out = self._is_kept_out(automaton, start)
-            except TooLargeError:
-                self.entangled += 1
-                return
-            if kept_out:
-                self.kept_out += 1
-                return
-            self._take(automaton, fresh)
-            self.initial_row.append(self.row_of[automaton.tokens[start]])
+            return "repeated"
+        if max(map(len, automaton.tokens)) > self.length:
+            return "too long"
+        if len(fresh) > self.rows - self.used:
+            return "too many"
+        try:
+            if self._is_kept_out(automaton, start):
+                return "kept out"
+        except TooLargeError:
+            return "entangled"
+        self._take(automaton, fresh)
+        self.initial_row.append(self.row_of[automaton.tokens[start]])
+        return "taken"
+
+    def row_of_task(self, formula: Formula) -> int | None:
+        """Take in a formula that may be there already; the row it starts in, None if it cannot be had."""
+        outcome = self.add(formula)
+        if outcome == "taken":
+            return self.initial_row[-1]
+        if outcome != "repeated":
+            return None
+        automaton = build([formula], self.names, self.alphabet, max_rows=self.rows, progression=self.progression)
+        return self.row_of.get(automaton.tokens[int(automaton.initial_row[0])])
+
+    def reasons(self) -> str:
+        """Why formulas were not taken in."""
+        count = self.count
+        return (
+            f"{count['too long']} had a row of more than {self.length} tokens, {count['too many']} too many states for "
+            f"the {self.rows} rows together, {count['repeated']} came twice, {count['kept out']} belong to another "
+            f"pool, {count['entangled']} have too many propositions that play the same part to be compared with what "
+            "is held out"
+        )
 
     def _is_kept_out(self, automaton: Automaton, start: int) -> bool:
         if not (self.unlike or self.without or self.held_out):
@@ -168,9 +238,10 @@ class _Builder:
             self.arrays["next_row"][target] = new_row[automaton.next_row[row, columns]]
             self.arrays["verdict"][target] = 0
 
-    def table(self) -> TaskTable:
+    def table(self, repeated_to: int = 0) -> TaskTable:
+        count = max(repeated_to, len(self.initial_row))
         arrays = self.arrays | {
             "mask": self.arrays["tokens"] != vocabulary.PADDING,
-            "initial_row": np.array(self.initial_row, np.int32),
+            "initial_row": np.resize(np.array(self.initial_row, np.int32), count),
         }
         return TaskTable(**jax.device_put(arrays), propositions=self.names, alphabet=self.alphabet)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import (
+    Curriculum,
     Formula,
     LTLError,
     Share,
@@ -132,7 +133,8 @@ def _trained_on(config: Config, env: LabelledEnv) -> list[Formula] | None:
     if not is_family(config.task, names):
         task = resolve(str(config.task))
         return [task] if isinstance(task, Formula) else None
-    drawn = tasks_of(config.task, names)
+    stages = [stage.family for stage in config.task.stages] if isinstance(config.task, Curriculum) else [config.task]
+    drawn = list(dict.fromkeys(task for family in stages for task in tasks_of(family, names)))
     if not config.pool.held_out:
         return drawn
     held_out = frozenset(row_languages(resolve_tasks(config.pool.held_out).values(), names, env.alphabet))

@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from t2tl_jax.errors import UserError
+from t2tl_jax.ltl import Curriculum
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import loop, pretraining
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
@@ -21,6 +22,7 @@ from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.history import History
 from t2tl_jax.runs.interrupts import Interrupted, Stoppable
+from t2tl_jax.runs.lessons import Lesson, Lessons
 from t2tl_jax.runs.loggers import CSVLogger, TensorBoardLogger
 from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to, rows
 from t2tl_jax.runs.prefetch import Prefetch
@@ -55,6 +57,7 @@ class Training:
     convergence: Convergence = field(init=False)
     success: SuccessWatch = field(init=False)
     selection: Selection = field(init=False)
+    lessons: Lessons | None = field(init=False, default=None)
     scorer: Scorer | None = field(init=False, default=None)
     best: Any = field(init=False, default=None)
 
@@ -112,7 +115,7 @@ class Training:
     def _restore(self) -> Any:
         """The state behind the newest checkpoint, on the devices; None where there is none."""
         experiment, config = self.experiment, self.experiment.config
-        state, earlier, selected = None, {}, None
+        state, earlier, selected, learned = None, {}, None, None
         if self.checkpoints is not None and self.checkpoints.latest_iteration() is not None:
             try:
                 info = self.checkpoints.info()
@@ -120,6 +123,7 @@ class Training:
                     raise UserError(f"{self.checkpoints.folder} holds other seeds than the configuration names")
                 done, state = self.checkpoints.restore(experiment.program.state)
                 _, self.best = self.checkpoints.restore_params("best", experiment.program.state.params)
+                learned = info.get("lessons")
                 if info.get("selection"):
                     _, params = self.checkpoints.restore_params("selection", experiment.program.state.params)
                     selected = Selected.of(params, info["selection"])
@@ -128,6 +132,8 @@ class Training:
             state = place(state, experiment.program.sharding)
             self.progress.done = self.progress.started_from = done
             earlier = self._earlier(done)
+        if isinstance(config.task, Curriculum):
+            self.lessons = Lessons(config.task, config.pool.period, config.pool.size, learned)
         seeds = len(experiment.lanes)
         self.past = History(earlier)
         self.convergence = Convergence(
@@ -210,7 +216,12 @@ class Training:
         experiment, progress = self.experiment, self.progress
         program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
         env_params = program.env_params
-        pools = Prefetch(experiment.pools.training if experiment.pools else lambda number: experiment.table)
+        tables, lessons = experiment.pools, self.lessons
+        lesson_of = lessons.of if lessons is not None else lambda number: Lesson()
+        pools = Prefetch(
+            lambda number: experiment.table if tables is None else tables.training(number, lesson_of),
+            knows=lambda number: lessons is None or lessons.knows(number),
+        )
         maps = Prefetch(experiment.maps)
         optima: dict[int, list[float]] = {}
         begin = time.monotonic()
@@ -233,9 +244,18 @@ class Training:
         def record(iteration: int, metrics: Metrics) -> None:
             progress.done, progress.train_seconds = iteration, time.monotonic() - begin
             new = rows(metrics, iteration, iteration * frames, progress.seeds)
-            if experiment.pools is not None:
-                for row, optimum in zip(new, optima[(iteration - 1) // config.pool.period], strict=True):
+            if tables is not None:
+                number = (iteration - 1) // config.pool.period
+                for row, optimum in zip(new, optima[number], strict=True):
                     row["optimal_return"] = optimum
+                if lessons is not None:
+                    if metrics.tasks is None:
+                        raise UserError(f"{config.task} counts success by task, which this learner does not report")
+                    stage = lessons.of(number).stage
+                    lessons.add(iteration, metrics.tasks, tables.names(number, lesson_of))
+                    for row in new:
+                        row |= {"stage": stage, "task_success": lessons.success}
+                    pools.prepare(number + 2)
             self.convergence.add(new)
             self.success.add(new)
             progress.success_since = tuple(int(since) for since in self.success.since)
@@ -251,6 +271,7 @@ class Training:
             if self.checkpoints is not None:
                 info: dict[str, Any] = {"seeds": list(progress.seeds), "frames": iteration * frames}
                 info |= {"best": best and best.info(), "selection": going_on and going_on.info()}
+                info |= {"lessons": lessons.state()} if lessons is not None else {}
                 self.checkpoints.save(iteration, state, info, self.best, going_on and going_on.params)
 
         def stopping() -> bool:
