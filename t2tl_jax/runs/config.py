@@ -101,6 +101,9 @@ class PoolConfig:
     held_out: str = ""
     """Tasks by name or formula, apart by commas, that training is not to meet: no formula is drawn that has an open row
     in common with one of them, under whatever names of propositions. '' for none."""
+    unseen: str = ""
+    """Likewise, but only the tasks themselves are kept out: no formula is drawn that means or can become one of them,
+    under whatever names of propositions. What is left of them when they are begun may be trained on. '' for none."""
 
     def __post_init__(self) -> None:
         checks.counts(self, "size", "period", "length")

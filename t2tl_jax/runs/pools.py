@@ -21,9 +21,12 @@ from t2tl_jax.ltl import (
     resolve_tasks,
     row_languages,
 )
+from t2tl_jax.ltl.compiler.alphabet import every_letter
+from t2tl_jax.ltl.compiler.automaton import build
 from t2tl_jax.ltl.family_trees import MAX_LISTED
 from t2tl_jax.ltl.languages import Language, languages
 from t2tl_jax.ltl.pool import compile_weighted
+from t2tl_jax.ltl.renaming import classes
 from t2tl_jax.ltl.turns import in_turns
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.lessons import Lesson
@@ -47,7 +50,7 @@ class Pools:
     def __init__(self, config: Config, env: LabelledEnv) -> None:
         self._config, self._env = config, env
         self._draw = lru_cache(maxsize=4)(self._drawn)  # the one before, the present one and the next one
-        self._held_out = cache(self._make_held_out)
+        self._held_out = cache(lambda: kept_out(config, env))
         self._first = cache(lambda: self._of_lesson(Lesson(), "0", held_out=self._held_out()))
         self._evaluation = cache(self._make_evaluation)
 
@@ -118,17 +121,22 @@ class Pools:
         reported = _languages(table, np.asarray(table.initial_row))
         return _pool(self._config, self._env, "selection", least=1, unlike=reported, held_out=self._held_out())
 
-    def _make_held_out(self) -> frozenset[Language]:
-        """The open rows that training is not to meet, up to renaming of propositions."""
-        if not self._config.pool.held_out:
-            return frozenset()
-        tasks = resolve_tasks(self._config.pool.held_out).values()
-        return frozenset(row_languages(tasks, self._env.propositions, self._env.alphabet))
-
     def _make_evaluation(self) -> TaskTable:
         first, _ = self._first()
         trained_on = _languages(first, np.flatnonzero(np.asarray(first.verdict) == 0))
         return _pool(self._config, self._env, "evaluation", least=1, unlike=trained_on)
+
+
+def kept_out(config: Config, env: LabelledEnv) -> frozenset[Language]:
+    """The rows that training is not to meet, up to renaming of propositions: all of some tasks, the first of others."""
+    names, alphabet, rows = env.propositions, env.alphabet, frozenset[Language]()
+    if config.pool.held_out:
+        rows |= frozenset(row_languages(resolve_tasks(config.pool.held_out).values(), names, alphabet))
+    if config.pool.unseen:
+        automaton = build(list(resolve_tasks(config.pool.unseen).values()), names, alphabet)
+        next_row = automaton.next_row[:, every_letter(automaton.letter_weights, alphabet)]
+        rows |= frozenset(classes(next_row, automaton.verdict, automaton.initial_row.tolist(), alphabet))
+    return rows
 
 
 def make_table(config: Config, env: LabelledEnv) -> TaskTable:
