@@ -7,7 +7,7 @@ iteration is one pure function of the training state. The loss is in `ppo_learni
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
-from t2tl_jax.agents.ppo_learning import Batch, by_time, in_segments, misaligned, ppo_loss
+from t2tl_jax.agents.ppo_learning import Batch, by_time, in_segments, minibatch_order, misaligned, ppo_loss
 from t2tl_jax.agents.row_codes import make_codes
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
@@ -45,6 +45,9 @@ class PPOConfig(AdamLearnerConfig):
     """Passes over the rollout in one iteration."""
     minibatch_size: int = 8192
     """Samples of one gradient step; must divide num_envs x unroll_length."""
+    minibatches_of: Literal["steps", "environments"] = "steps"
+    """A minibatch is of steps drawn from the whole rollout, or of all steps of some environments. The second holds few
+    rows of a large table, which then is encoded at the speed of a small one."""
     discount: float = 0.998
     """Discount factor gamma."""
     gae_lambda: float = 0.97
@@ -93,6 +96,12 @@ class PPOConfig(AdamLearnerConfig):
             raise ValueError(
                 f"minibatch_size must divide num_envs x unroll_length = {self.num_envs} x {self.unroll_length} = "
                 f"{self.batch_size}, got minibatch_size={self.minibatch_size}"
+            )
+        if self.minibatches_of == "environments" and self.num_envs % self.num_minibatches:
+            raise ValueError(
+                f"minibatches of whole environments must be of equally many, got num_envs={self.num_envs} for "
+                f"{self.num_minibatches} minibatches; set minibatch_size to a multiple of unroll_length = "
+                f"{self.unroll_length} that divides num_envs x unroll_length"
             )
         for name, size in (("unroll_length", self.unroll_length), ("minibatch_size", self.minibatch_size)):
             if size % self.segment_length:
@@ -390,13 +399,10 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
     def epoch(
         table: TaskTable, embedding: jax.Array, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch
     ):
-        count = config.batch_size // config.segment_length
-        order = jax.random.permutation(key, count).reshape(config.num_minibatches, -1)
-
         def minibatch_step(carry, chosen):
             return gradient_step(table, embedding, carry, over_envs(jax.tree.map(lambda x: x[chosen], batch)))
 
-        return jax.lax.scan(minibatch_step, carry, order)
+        return jax.lax.scan(minibatch_step, carry, minibatch_order(config, key))
 
     def iterate(state: PPOState, env_params: TaskParams) -> tuple[PPOState, Metrics]:
         table = env_params.table

@@ -121,11 +121,6 @@ class TaskTable:
         """Rows that are neither true nor false: bool `[rows]`."""
         return self.verdict == 0
 
-    @property
-    def may_start(self) -> jax.Array:
-        """Rows in which an episode may begin: bool `[rows]`."""
-        return self.is_open if self.starts is None else self.starts
-
     # ----- on the host -----
 
     @property

@@ -12,6 +12,7 @@ import pytest
 
 from t2tl_jax.agents import row_codes
 from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.agents.ppo_learning import in_segments, minibatch_order
 from t2tl_jax.ltl import compile_pool
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.joined import JoinedConfig
@@ -129,3 +130,16 @@ def test_an_iteration_of_ppo_learns_the_same(monkeypatch):
     still = dataclasses.replace(config, learning_rate=0.0)
     difference = jax.tree.map(lambda x, y: float(jnp.abs(x - y).max()), after_one(still), whole)
     assert max(jax.tree.leaves(difference)) > 1e-4  # it learns something
+
+
+def test_minibatches_of_environments_hold_all_of_their_steps_and_each_step_once():
+    config = PPOConfig(num_envs=12, unroll_length=8, minibatch_size=32, minibatches_of="environments")
+    number = jnp.arange(8 * 12).reshape(8, 12)  # of a step: time x 12 + environment
+    order = minibatch_order(config, jax.random.key(0))
+    steps = np.asarray(in_segments(config, number)[order]).reshape(3, 32)
+    assert sorted(steps.ravel().tolist()) == list(range(96))
+    envs = [set((of % 12).tolist()) for of in steps]
+    assert [len(of) for of in envs] == [4, 4, 4] and envs[0] | envs[1] | envs[2] == set(range(12))
+    assert not np.array_equal(order, minibatch_order(config, jax.random.key(1)))
+    with pytest.raises(ValueError, match="num_envs=12 for 8 minibatches"):
+        dataclasses.replace(config, minibatch_size=12)

@@ -102,3 +102,14 @@ def test_pools_that_change_too_soon_to_finish_are_refused():
     config = dataclasses.replace(config, pool=PoolConfig(period=1, finish=True), episode_length=1000)
     with pytest.raises(ValueError, match=r"episodes of up to 1000 steps cannot finish.*set pool.period to"):
         make_pools(config, make_env(SingleStateConfig()))
+
+
+def test_a_random_start_is_in_any_open_row_of_the_present_pool():
+    env = TaskEnv(ENV, pool(0), random_starts=1.0)
+    tasks = TaskParams((), table(1))
+    state = jax.jit(jax.vmap(lambda key: env.reset(key, tasks)))(jax.random.split(jax.random.key(0), 4000))
+    counts = np.bincount(state.pipeline_state.row, minlength=2 * ROWS - 2)
+    possible = np.asarray(table(1).starts)
+    expected = 4000 / possible.sum()
+    assert not counts[~possible].any()
+    assert (abs(counts[possible] - expected) < 5 * np.sqrt(expected)).all()
