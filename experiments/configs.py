@@ -307,10 +307,11 @@ register_config(
     Config(
         env=replace(zones.OPEN, physics="closed_form"),
         task=_any_tasks(Chains(depth=(1, 3))),
-        pool=PoolConfig(size=512, rows=1024, period=32, finish=True, unseen=",".join(f"z{n}" for n in range(1, 7))),
+        pool=PoolConfig(size=512, rows=1024, period=64, finish=True, unseen=",".join(f"z{n}" for n in range(1, 7))),
         random_starts=0.3,
         learner=_ANY,
         frames=40_000_000,
+        map_period=32,
         episode_length=zones.EPISODE_LENGTH,
     ),
     "any task on any map of the open ZoneEnv (PointLtl2-v0) by PPO: lidars merged by what colours are to the task",
@@ -321,7 +322,7 @@ register_config(
         env=LetterWorldConfig(),
         task=_any_tasks(Chains(depth=(1, 3), avoid=(0, 3))),
         pool=PoolConfig(
-            size=512, rows=2048, period=32, finish=True, unseen=",".join(f"letters_{n}" for n in range(1, 6))
+            size=512, rows=2048, period=64, finish=True, unseen=",".join(f"letters_{n}" for n in range(1, 6))
         ),
         random_starts=0.3,
         learner=replace(
@@ -333,6 +334,7 @@ register_config(
             entropy_coefficient=0.01,
         ),
         frames=10_000_000,
+        map_period=32,
         episode_length=letterworld.EPISODE_LENGTH,
     ),
     "any task on any map of LetterWorld by PPO: cells merged by what their letters are to the task",
@@ -342,7 +344,7 @@ register_config(
     Config(
         env=FlatWorldConfig(),
         task=_any_tasks(Chains(depth=(1, 3), goals=flatworld.LETTERS)),
-        pool=PoolConfig(size=256, rows=1024, period=32, finish=True, unseen=",".join(f"flat_{n}" for n in range(1, 6))),
+        pool=PoolConfig(size=256, rows=1024, period=64, finish=True, unseen=",".join(f"flat_{n}" for n in range(1, 6))),
         random_starts=0.5,
         learner=replace(
             _ANY,
@@ -357,6 +359,7 @@ register_config(
             entropy_coefficient=0.01,
         ),
         frames=40_000_000,
+        map_period=32,
         episode_length=flatworld.EPISODE_LENGTH,
     ),
     "any task on the map of FlatWorld by PPO: the look-ahead tells of the letters that occur",

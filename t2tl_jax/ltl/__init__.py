@@ -2,8 +2,8 @@
 
 `parser` and `reward_machine` read text (the first into a `formula`), `compiler` makes an automaton of that, and `table`
 writes it as arrays. `tasks` and `families` name tasks, `family_trees` and `curriculum` hold random ones as data, `pool`
-makes tables of them, `padding` gives tables equal shapes, `split` says what a test shares with a training, and
-`describe` puts automata into words.
+makes tables of them, `turns` puts two of these into one, `padding` gives tables equal shapes, `split` says what a test
+shares with a training, and `describe` puts automata into words.
 
 Everything up to the table is plain Python; JAX is imported only when `TaskTable` or a function that compiles one is
 first used.
