@@ -186,4 +186,5 @@ def _random_start(key: jax.Array, table: TaskTable) -> jax.Array:
         return jax.random.categorical(key, jnp.log(table.is_open.astype(jnp.float32)))
     # One random number instead of one for every row, of which there may be thousands in each of thousands of resets.
     so_far = jnp.cumsum(table.starts)
-    return jnp.searchsorted(so_far, jax.random.randint(key, (), 1, so_far[-1] + 1)).astype(jnp.int32)
+    which = jax.random.randint(key, (), 1, so_far[-1] + 1)
+    return jnp.searchsorted(so_far, which, method="scan_unrolled").astype(jnp.int32)
