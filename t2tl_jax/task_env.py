@@ -109,8 +109,7 @@ class TaskEnv(Env):
         row = jax.random.choice(task_key, tasks) if turn is None else tasks[turn % len(tasks)]
         if self.starts_anywhere:
             share_key, row_key = jax.random.split(row_key)
-            is_open = params.table.is_open.astype(jnp.float32)
-            random_row = jax.random.categorical(row_key, jnp.log(is_open))
+            random_row = _random_start(row_key, params.table)
             row = jnp.where(jax.random.uniform(share_key) < self.random_starts, random_row, row)
         return self.reset_to_row(env_key, row, params)
 
@@ -179,3 +178,13 @@ class TaskEnv(Env):
     def backend(self) -> str:
         """Name of the physics."""
         return self.env.backend
+
+
+def _random_start(key: jax.Array, table: TaskTable) -> jax.Array:
+    """A row in which an episode may begin, each as likely as the others: int32 scalar."""
+    if table.starts is None:
+        return jax.random.categorical(key, jnp.log(table.is_open.astype(jnp.float32)))
+    # One random number instead of one for every row, of which there may be thousands in each of thousands of resets.
+    so_far = jnp.cumsum(table.starts)
+    which = jax.random.randint(key, (), 1, so_far[-1] + 1)
+    return jnp.searchsorted(so_far, which, method="scan_unrolled").astype(jnp.int32)

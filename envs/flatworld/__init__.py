@@ -1,12 +1,13 @@
 """FlatWorld: a point among coloured discs that overlap, after DeepLTL."""
 
-from envs.flatworld.config import EPISODE_LENGTH, FlatWorldConfig
+from envs.flatworld.config import EPISODE_LENGTH, LETTERS, FlatWorldConfig
 from envs.flatworld.flat_env import LEAVING_REWARD, NUM_ACTIONS, FlatState, FlatWorld, FlatWorldParams
 from t2tl_jax.registry import register_env
 
 __all__ = [
     "EPISODE_LENGTH",
     "LEAVING_REWARD",
+    "LETTERS",
     "NUM_ACTIONS",
     "FlatState",
     "FlatWorld",

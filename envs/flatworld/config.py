@@ -29,6 +29,12 @@ REGIONS = (
 COLOURS = tuple(sorted({colour for colour, *_ in REGIONS}))
 """The propositions, in the published order."""
 
+LETTERS = (
+    *COLOURS,
+    *("Magenta & Red", "Blue & Green", "Aqua & Green", "Aqua & Blue", "Aqua & Blue & Green"),
+)
+"""What holds at once somewhere: of the 127 sets of colours these twelve."""
+
 
 @dataclass(frozen=True)
 class FlatWorldConfig(EnvConfig):

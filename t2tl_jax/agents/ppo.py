@@ -7,7 +7,7 @@ iteration is one pure function of the training state. The loss is in `ppo_learni
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,8 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
-from t2tl_jax.agents.ppo_learning import Batch, by_time, in_segments, misaligned, ppo_loss
+from t2tl_jax.agents.ppo_learning import Batch, by_time, in_segments, minibatch_order, misaligned, ppo_loss
+from t2tl_jax.agents.row_codes import make_codes
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.context import Carry, Segment, Window
@@ -26,8 +27,8 @@ from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.advantages import generalised_advantages
 from t2tl_jax.training.devices import on_each, over_envs
 from t2tl_jax.training.optimizer import AdamLearnerConfig, clipped_adam
-from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics, Params, repeated
-from t2tl_jax.training.unroll import Episode, Player, Step, begin, env_scalars, summed, unroll
+from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics, Params, TaskTotals, repeated
+from t2tl_jax.training.unroll import Episode, Player, Step, begin, env_scalars, summed, task_totals, unroll
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,9 @@ class PPOConfig(AdamLearnerConfig):
     """Passes over the rollout in one iteration."""
     minibatch_size: int = 8192
     """Samples of one gradient step; must divide num_envs x unroll_length."""
+    minibatches_of: Literal["steps", "environments"] = "steps"
+    """A minibatch is of steps drawn from the whole rollout, or of all steps of some environments. The second holds few
+    rows of a large table, which then is encoded at the speed of a small one."""
     discount: float = 0.998
     """Discount factor gamma."""
     gae_lambda: float = 0.97
@@ -92,6 +96,12 @@ class PPOConfig(AdamLearnerConfig):
             raise ValueError(
                 f"minibatch_size must divide num_envs x unroll_length = {self.num_envs} x {self.unroll_length} = "
                 f"{self.batch_size}, got minibatch_size={self.minibatch_size}"
+            )
+        if self.minibatches_of == "environments" and self.num_envs % self.num_minibatches:
+            raise ValueError(
+                f"minibatches of whole environments must be of equally many, got num_envs={self.num_envs} for "
+                f"{self.num_minibatches} minibatches; set minibatch_size to a multiple of unroll_length = "
+                f"{self.unroll_length} that divides num_envs x unroll_length"
             )
         for name, size in (("unroll_length", self.unroll_length), ("minibatch_size", self.minibatch_size)):
             if size % self.segment_length:
@@ -201,8 +211,12 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         freeze_task_encoder=config.freezes_task_encoder,
     )
 
-    def embed(params: Params, table: TaskTable) -> jax.Array:
-        return apply(params, table, method="embed")
+    embed, codes = make_codes(
+        config.task_encoder,
+        config.freezes_task_encoder,
+        partial(apply, method="embed"),
+        partial(apply, method="embed_rows"),
+    )
 
     def act(
         params: Params,
@@ -255,7 +269,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
 
     def collect(
         state: PPOState, env_params: TaskParams, embedding: jax.Array, key: jax.Array
-    ) -> tuple[Known, Episode, Transitions, EpisodeTotals, dict[str, jax.Array]]:
+    ) -> tuple[Known, Episode, Transitions, Metrics]:
         correlation = noise_correlation(config, state.iteration / iterations)
 
         def explore(known: Known, now: State, key: jax.Array) -> tuple[jax.Array, Known, jax.Array]:
@@ -273,7 +287,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             window = network.next_episode(actor(state.params, window, *step, method="remember"), ended)
             return noise, carry, window
 
-        def keep(step: Step) -> tuple[Transitions, EpisodeTotals, dict[str, jax.Array]]:
+        def keep(step: Step) -> tuple[Transitions, EpisodeTotals, TaskTotals | None, dict[str, jax.Array]]:
             transition = Transitions(
                 obs=step.obs,
                 row=step.row,
@@ -286,7 +300,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
                 next_row=env.row(step.state),
                 carry=(),
             )
-            return transition, step.totals, step.state.metrics
+            return transition, step.totals, task_totals(step, env_params.table), step.state.metrics
 
         # The window, which is large, is kept once a segment; without context there is none, and all is one stretch.
         stretch = config.unroll_length if context is None else config.segment_length
@@ -312,9 +326,11 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         known = noise, carry, embedded(state.params, carry)
         keys = jax.random.split(key, config.unroll_length // stretch)
         (episodes, known), (carry, kept) = jax.lax.scan(one_stretch, (start, known), keys)
-        transitions, totals, env_metrics = kept
+        transitions, totals, by_task, env_metrics = kept
         transitions = jax.tree.map(lambda x: x.reshape(config.unroll_length, *x.shape[2:]), transitions)
-        return known, episodes, replace(transitions, carry=carry), summed(totals), env_scalars(env_metrics)
+        by_task = jax.tree.map(lambda x: x.sum(axis=(0, 1)), by_task)
+        metrics = Metrics(summed(totals), env_scalars(env_metrics), by_task)
+        return known, episodes, replace(transitions, carry=carry), metrics
 
     def embedded(params: Params, carry: Carry) -> Carry:
         """The window with embeddings of what was seen in it."""
@@ -368,26 +384,26 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             carry=carry if context is None or context.aligned else misaligned(config, carry),
         )
 
-    def gradient_step(table: TaskTable, carry: tuple[Params, optax.OptState], minibatch: Batch):
+    def gradient_step(
+        table: TaskTable, embedding: jax.Array, carry: tuple[Params, optax.OptState], minibatch: Batch
+    ) -> tuple[tuple[Params, optax.OptState], dict[str, jax.Array]]:
         params, opt_state = carry
 
         def loss(params: Params) -> tuple[jax.Array, dict[str, jax.Array]]:
-            # Each distinct formula is encoded once; the gather's gradient sums over the samples of a row.
-            return ppo_loss(config, network, params, embed(params, table)[minibatch.row], minibatch)
+            return ppo_loss(config, network, params, codes(params, table, embedding, minibatch.row), minibatch)
 
         gradient, scalars = jax.grad(loss, has_aux=True)(params)
         updates, opt_state = optimizer.update(gradient, opt_state, params)
         scalars["gradient_norm"] = optax.tree.norm(gradient)
         return (optax.apply_updates(params, updates), opt_state), scalars
 
-    def epoch(table: TaskTable, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch):
-        count = config.batch_size // config.segment_length
-        order = jax.random.permutation(key, count).reshape(config.num_minibatches, -1)
-
+    def epoch(
+        table: TaskTable, embedding: jax.Array, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch
+    ):
         def minibatch_step(carry, chosen):
-            return gradient_step(table, carry, over_envs(jax.tree.map(lambda x: x[chosen], batch)))
+            return gradient_step(table, embedding, carry, over_envs(jax.tree.map(lambda x: x[chosen], batch)))
 
-        return jax.lax.scan(minibatch_step, carry, order)
+        return jax.lax.scan(minibatch_step, carry, minibatch_order(config, key))
 
     def iterate(state: PPOState, env_params: TaskParams) -> tuple[PPOState, Metrics]:
         table = env_params.table
@@ -395,16 +411,14 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
 
         # COLLECT
         embedding = embed(state.params, table)  # one for acting and for the values: the parameters are the same
-        (noise, carry, _), episodes, transitions, totals, env_metrics = collect(
-            state, env_params, embedding, rollout_key
-        )
+        (noise, carry, _), episodes, transitions, metrics = collect(state, env_params, embedding, rollout_key)
 
         # ADVANTAGE
         batch = on_each(make_batch(embedding, state.params, transitions))  # minibatches choose among all samples
 
         # UPDATE
         (params, opt_state), scalars = jax.lax.scan(
-            lambda carry, key: epoch(table, carry, key, batch),
+            lambda carry, key: epoch(table, embedding, carry, key, batch),
             (state.params, state.opt_state),
             jax.random.split(epochs_key, config.epochs),
         )
@@ -418,7 +432,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             key=key,
             iteration=state.iteration + 1,
         )
-        return new_state, Metrics(episodes=totals, scalars=jax.tree.map(jnp.mean, scalars) | env_metrics)
+        return new_state, replace(metrics, scalars=jax.tree.map(jnp.mean, scalars) | metrics.scalars)
 
     return Agent(
         init=init,

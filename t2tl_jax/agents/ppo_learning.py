@@ -61,6 +61,16 @@ def ppo_loss(
     }
 
 
+def minibatch_order(config: "PPOConfig", key: jax.Array) -> jax.Array:
+    """Which segments each minibatch of an epoch is made of, in the order of `in_segments`: int32[minibatches, k]."""
+    segments, minibatches = config.batch_size // config.segment_length, config.num_minibatches
+    if config.minibatches_of == "steps":
+        return jax.random.permutation(key, segments).reshape(minibatches, -1)
+    envs = jax.random.permutation(key, config.num_envs).reshape(minibatches, 1, -1)
+    starts = jnp.arange(0, segments, config.num_envs)
+    return (starts[:, None] + envs).reshape(minibatches, -1)
+
+
 def in_segments(config: "PPOConfig", x: jax.Array) -> jax.Array:
     """[T, N, ...] -> [T / S x N, S, ...]."""
     segments = config.unroll_length // config.segment_length  # sizes are written out: an observation may have none

@@ -2,8 +2,9 @@
 
 `parser` and `reward_machine` read text (the first into a `formula`), `compiler` makes an automaton of that, and `table`
 writes it as arrays, in which `lookup` finds letters and `ahead` the best of them. `tasks` and `families` name tasks,
-`family_trees` and `curriculum` hold random ones as data, `pool` makes tables of them, `padding` gives tables equal
-shapes, `split` says what a test shares with a training, and `describe` puts automata into words.
+`family_trees` and `curriculum` hold random ones as data, `pool` makes tables of them, `turns` puts two of these into
+one, `padding` gives tables equal shapes, `split` says what a test shares with a training, and `describe` puts automata
+into words.
 
 Everything up to the table is plain Python; JAX is imported only when `TaskTable` or a function that compiles one is
 first used.

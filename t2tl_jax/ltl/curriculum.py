@@ -1,17 +1,21 @@
 """A curriculum: families of tasks one after another, and the rule by which the next one begins.
 
-This is the rule only, on the host: success by task goes in, the stage to train on comes out.
+This is the rule only, on the host: success by task goes in, the stage to train on comes out. The rest is done by
+`runs/lessons.py`.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+import random
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 from t2tl_jax import checks
 from t2tl_jax.ltl.errors import LTLError
-from t2tl_jax.ltl.families import TaskFamily
+from t2tl_jax.ltl.families import TaskFamily, name_family
 from t2tl_jax.ltl.family_trees import Chains
+from t2tl_jax.ltl.formula import Formula
+from t2tl_jax.registry import register_task_family
 
 Over = Literal["mean", "least"]
 """Which number stands for the success in several tasks: their mean, or that of the worst."""
@@ -29,7 +33,7 @@ class Stage:
     """Which success: the mean over the distinct tasks, each counted once, or that of the worst of them."""
     temperature: float = 0.0
     """Tasks are drawn in proportion to exp(-success / temperature): the smaller, the more those that fail. 0 for as
-    the family draws them; others only where its tasks can be listed."""
+    the family draws them; others only where its tasks can be listed, of which there are `MAX_LISTED` at most."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.advance <= 1.0:
@@ -37,6 +41,11 @@ class Stage:
         if self.over not in ("mean", "least"):
             raise LTLError(f'over is "mean" or "least", got {self.over!r}')
         checks.not_negative(self, "temperature")
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the last success in every task counts, however long ago it was."""
+        return self.temperature > 0 or self.over == "least"
 
     def is_mastered(self, success: Mapping[str, float], tasks: Sequence[str] = ()) -> bool:
         """Whether the rule is met by success rates by task, of the tasks that ended lately; not without any.
@@ -68,8 +77,8 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Curriculum:
-    """Stages in their order. The last one goes on to the end of the training."""
+class Curriculum(TaskFamily):
+    """Stages in their order. The last one goes on to the end of the training, and is what the family draws."""
 
     stages: tuple[Stage, ...] = (Stage(),)
     """The families with their rules."""
@@ -77,6 +86,20 @@ class Curriculum:
     def __post_init__(self) -> None:
         if not self.stages:
             raise LTLError("a curriculum needs at least one stage")
+        if any(isinstance(stage.family, Curriculum) for stage in self.stages):
+            raise LTLError("a stage of a curriculum is drawn from a family that is no curriculum itself")
+
+    def least(self) -> int:
+        """As many propositions as any stage needs."""
+        return max(stage.family.least() for stage in self.stages)
+
+    def draw(self, rng: random.Random, names: Sequence[str]) -> Formula:
+        """Draw a task of the last stage, for which the others prepare."""
+        return self.stages[-1].family.draw(rng, names)
+
+    def every(self, names: Sequence[str]) -> Iterator[Formula] | None:
+        """Those of the last stage."""
+        return self.stages[-1].family.every(names)
 
     def next_stage(self, stage: int, success: Mapping[str, float], tasks: Sequence[str] = ()) -> int:
         """The stage after `stage`, or `stage` itself while it is not mastered or is the last.
@@ -108,3 +131,6 @@ DEEPLTL_ZONES = Curriculum(
     )
 )
 """DeepLTL's curriculum for four colours, without its tasks of staying inside a disc, which are no co-safe formulas."""
+
+register_task_family("curriculum", Curriculum)
+name_family("deepltl_zones", DEEPLTL_ZONES)

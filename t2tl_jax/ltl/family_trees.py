@@ -10,14 +10,16 @@ A pair of numbers is a range, both ends of which can be drawn.
 """
 
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from itertools import combinations
+from typing import TypeAlias
 
 from t2tl_jax.ltl.errors import LTLError
 from t2tl_jax.ltl.families import TaskFamily, make_sampler, name_family
 from t2tl_jax.ltl.formula import Formula, eventually, prop, until
+from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.tasks import resolve_task
 from t2tl_jax.registry import register_task_family
 
@@ -48,6 +50,9 @@ MAX_FAMILIES = 1000
 MAX_PAIRS = 1000
 """Most pairs that the chains of one task may have together."""
 
+Goals: TypeAlias = Mapping[str, Formula]
+"""What can be reached and avoided, by what it is called."""
+
 _DRAWS = 1000
 """How often a chain is drawn whose sets leave nothing to avoid, before the ranges count as impossible."""
 
@@ -77,30 +82,47 @@ class Chains(TaskFamily):
     """Propositions to be avoided meanwhile."""
     repeat: bool = True
     """Whether a set to reach may share propositions with the one before."""
+    goals: tuple[str, ...] = ()
+    """What sets to reach and to avoid are made of, where that is not every proposition by itself: formulas of a state
+    such as 'Blue & Green', which are read as they stand. A set to avoid then has no proposition in common with what is
+    reached."""
 
     def __post_init__(self) -> None:
         _check_ranges(self, depth=(1, MAX_DEPTH), reach=(1, MAX_SET), avoid=(0, MAX_SET))
+        _check_most("the goals of chains", len(self.goals), "MAX_SET", MAX_SET)
+        for name, goal in self._goals(()).items():
+            temporal = next((node.op for node in goal.nodes() if node.op not in ("prop", "and", "or", "not")), None)
+            if temporal is not None:
+                raise LTLError(f"a goal of chains is a formula of one state, such as 'Blue & Green', got {name!r}")
 
     def least(self) -> int:
-        """As many propositions as the smallest sets of two neighbours need."""
+        """As many propositions as the smallest sets of two neighbours need; goals bring their own."""
+        if self.goals:
+            return 1
         apart = self.depth[1] > 1 and not self.repeat
         return self.reach[0] * (2 if apart else 1) + self.avoid[0]
 
     def draw(self, rng: random.Random, names: Sequence[str]) -> Formula:
         """Draw a chain; one that has not enough left to avoid is drawn again."""
+        goals = self._goals(names)
         for _ in range(_DRAWS):
-            chain = self._chain(rng, names)
+            chain = self._chain(rng, goals)
             if chain is not None:
-                return chain_formula(chain, names)
+                return chain_formula(chain, goals)
         raise LTLError(f"{self!r} leaves too few of {', '.join(names)} to avoid; make the sets smaller")
 
     def every(self, names: Sequence[str]) -> Iterator[Formula]:
         """Every chain, the shortest first."""
+        goals = self._goals(names)
         for depth in range(self.depth[0], self.depth[1] + 1):
-            for chain in self._chains(names, depth):
-                yield chain_formula(chain, names)
+            for chain in self._chains(goals, depth):
+                yield chain_formula(chain, goals)
 
-    def _chain(self, rng: random.Random, names: Sequence[str]) -> list[Link] | None:
+    def _goals(self, names: Sequence[str]) -> dict[str, Formula]:
+        """What can be reached and avoided, by what it is called."""
+        return {goal: parse(goal) for goal in self.goals} if self.goals else {name: prop(name) for name in names}
+
+    def _chain(self, rng: random.Random, names: Goals) -> list[Link] | None:
         chain: list[Link] = []
         for _ in range(rng.randint(*self.depth)):
             before = chain[-1].reach if chain else frozenset()
@@ -108,19 +130,19 @@ class Chains(TaskFamily):
             if len(goals) < self.reach[0]:
                 return None
             reach = frozenset(rng.sample(goals, rng.randint(self.reach[0], min(self.reach[1], len(goals)))))
-            left = [name for name in names if name not in reach | before]
+            left = _apart(names, reach | before)
             if len(left) < self.avoid[0]:
                 return None
             avoid = frozenset(rng.sample(left, rng.randint(self.avoid[0], min(self.avoid[1], len(left)))))
             chain.append(Link(reach, avoid))
         return chain
 
-    def _chains(self, names: Sequence[str], depth: int, before: frozenset[str] = frozenset()) -> Iterator[list[Link]]:
+    def _chains(self, names: Goals, depth: int, before: frozenset[str] = frozenset()) -> Iterator[list[Link]]:
         if depth == 0:
             yield []
             return
         for reach in _subsets([name for name in names if self.repeat or name not in before], self.reach):
-            for avoid in _subsets([name for name in names if name not in reach | before], self.avoid):
+            for avoid in _subsets(_apart(names, reach | before), self.avoid):
                 for rest in self._chains(names, depth - 1, reach):
                     yield [Link(reach, avoid), *rest]
 
@@ -253,8 +275,8 @@ class Mixture(TaskFamily):
         return (task for tasks in known for task in tasks) if len(known) == len(found) else None
 
 
-def chain_formula(chain: Sequence[Link], names: Sequence[str]) -> Formula:
-    """Return `!avoid U (reach & ...)` of a chain that is not empty, its propositions in the order of `names`."""
+def chain_formula(chain: Sequence[Link], names: Goals) -> Formula:
+    """Return `!avoid U (reach & ...)` of a chain that is not empty, its goals in the order of `names`."""
     task: Formula | None = None
     for link in reversed(chain):
         goal = _any(link.reach, names)
@@ -264,8 +286,14 @@ def chain_formula(chain: Sequence[Link], names: Sequence[str]) -> Formula:
     return task
 
 
-def _any(chosen: frozenset[str], names: Sequence[str]) -> Formula:
-    return reduce(Formula.__or__, [prop(name) for name in names if name in chosen])
+def _any(chosen: frozenset[str], names: Goals) -> Formula:
+    return reduce(Formula.__or__, [goal for name, goal in names.items() if name in chosen])
+
+
+def _apart(names: Goals, chosen: frozenset[str]) -> list[str]:
+    """The goals that have no proposition in common with the chosen ones."""
+    taken = {name for goal in chosen for name in names[goal].propositions()}
+    return [name for name, goal in names.items() if taken.isdisjoint(goal.propositions())]
 
 
 def _subsets(names: Sequence[str], sizes: Range) -> Iterator[frozenset[str]]:

@@ -4,8 +4,11 @@ Training on random formulas takes one pool after another. Since shapes do not ch
 """
 
 import random
+from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from t2tl_jax.ltl import languages, renaming
 from t2tl_jax.ltl.compiler.automaton import Automaton, build
@@ -39,6 +42,7 @@ def compile_pool(
     unlike: Collection[Language] = (),
     without: Collection[Language] = (),
     held_out: Collection[Language] = (),
+    fill: bool = False,
 ) -> TaskTable:
     """Draw `size` different formulas of a family and compile them to one table, on the host.
 
@@ -64,6 +68,7 @@ def compile_pool(
         unlike: no formula means one of these.
         without: nor does one mean or become one of these.
         held_out: nor one of these, under whatever names of propositions; classes of `renaming`.
+        fill: where fewer than `size` are found, they come again until there are as many.
 
     Raises:
         UnknownTaskError, LTLError: for a family that does not exist or needs more propositions.
@@ -80,15 +85,60 @@ def compile_pool(
             return builder.table()
         builder.add(draw(rng))
     if len(builder.initial_row) >= (size if least is None else least):
-        return builder.table()
-    wide = f"{builder.too_wide} too many nodes for the {blank.room[-1]} of their letters, " if blank.room[1:] else ""
+        return builder.table(repeated_to=size if fill else 0)
     raise TooLargeError(
         f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {DRAWS_PER_TASK * size} draws: '
-        f"{builder.too_long} had a row of more than {length} tokens, {builder.too_many} too many states for the "
-        f"{rows} rows together, {wide}{builder.repeated} came twice, {builder.kept_out} belong to another pool, "
-        f"{builder.entangled} have too many propositions that play the same part to be compared with what is held out; "
-        f"raise the caps on tokens and rows{' and nodes' * bool(wide)}, or ask for fewer formulas"
+        f"{builder.reasons()}; raise the caps on tokens and rows{' and nodes' * bool(blank.room[1:])}, or ask for fewer "
+        "formulas"
     )
+
+
+def compile_weighted(
+    tasks: Sequence[Formula],
+    weights: Sequence[float],
+    propositions: Sequence[str],
+    alphabet: str,
+    seed: str | int,
+    *,
+    size: int,
+    rows: int,
+    length: int,
+    nodes: int = 0,
+    progression: str = EXACT,
+    limits: Limits | None = None,
+    without: Collection[Language] = (),
+    held_out: Collection[Language] = (),
+) -> tuple[TaskTable, list[int]]:
+    """Draw `size` of some tasks by their weights, each as often as it comes, and compile them to one table.
+
+    A task that does not fit or is kept out is never drawn again; arguments and shapes are those of `compile_pool`.
+
+    Returns:
+        The table, and for each of its tasks which of the given ones it is.
+
+    Raises:
+        TooLargeError: when none of the tasks fits.
+    """
+    rng = random.Random(f"weighted {seed}")
+    blank = Blank(tuple(propositions), alphabet, rows, length, nodes, limits)
+    limits = replace(limits or Limits(), max_rows=rows)
+    builder = _Builder(blank, limits, progression, frozenset(), frozenset(without), frozenset(held_out))
+    left = {number: weight for number, weight in enumerate(weights) if weight > 0}
+    place_of: dict[int, int] = {}
+    drawn: list[int] = []
+    while len(drawn) < size:
+        if not left:
+            raise TooLargeError(f"none of {len(tasks)} tasks can be had: {builder.reasons()}; raise the caps")
+        (number,) = rng.choices(list(left), list(left.values()))
+        if number not in place_of:
+            row = builder.row_of_task(tasks[number])
+            if row is None:
+                del left[number]
+                continue
+            place_of[number] = row
+        drawn.append(number)
+    builder.initial_row = [place_of[number] for number in drawn]
+    return builder.table(), drawn
 
 
 class _Builder:
@@ -109,38 +159,65 @@ class _Builder:
         self.forest = Forest(blank.alphabet, blank.cuts, blank.room)
         self.row_of: dict[tuple[int, ...], int] = {}
         self.initial_row: list[int] = []
-        self.too_long = self.too_many = self.too_wide = self.repeated = self.kept_out = self.entangled = 0
+        self.outcome: dict[Formula, str] = {}
+        self.count: Counter[str] = Counter()
         self.renamed: dict[Language, Language] = {}
 
-    def add(self, formula: Formula) -> None:
-        """Take in a formula, or count why not."""
+    def add(self, formula: Formula) -> str:
+        """Take in a formula, or say and count why not; one that came before is not looked at again."""
+        known = self.outcome.get(formula)
+        outcome = self._add(formula) if known is None else "repeated" if known == "taken" else known
+        self.outcome.setdefault(formula, outcome)
+        self.count[outcome] += 1
+        return outcome
+
+    def _add(self, formula: Formula) -> str:
         try:
-            automaton = build(
-                [formula], self.blank.names, self.blank.alphabet, limits=self.limits, progression=self.progression
-            )
+            automaton = self._build(formula)
         except TooLargeError:
-            self.too_many += 1
-            return
+            return "too many"
         start = int(automaton.initial_row[0])
         fresh = [row for row in range(2, len(automaton.tokens)) if automaton.tokens[row] not in self.row_of]
         if start < 2 or self.row_of.get(automaton.tokens[start]) in self.initial_row:
-            self.repeated += 1
-        elif max(map(len, automaton.tokens)) > self.length:
-            self.too_long += 1
-        elif len(fresh) > self.rows - 2 - len(self.row_of):
-            self.too_many += 1
-        else:
-            try:
-                kept_out = self._is_kept_out(automaton, start)
-            except TooLargeError:
-                self.entangled += 1
-                return
-            if kept_out:
-                self.kept_out += 1
-            elif self._take(automaton, fresh):
-                self.initial_row.append(self.row_of[automaton.tokens[start]])
-            else:
-                self.too_wide += 1
+            return "repeated"
+        if max(map(len, automaton.tokens)) > self.length:
+            return "too long"
+        if len(fresh) > self.rows - 2 - len(self.row_of):
+            return "too many"
+        try:
+            if self._is_kept_out(automaton, start):
+                return "kept out"
+        except TooLargeError:
+            return "entangled"
+        if not self._take(automaton, fresh):
+            return "too wide"
+        self.initial_row.append(self.row_of[automaton.tokens[start]])
+        return "taken"
+
+    def row_of_task(self, formula: Formula) -> int | None:
+        """Take in a formula that may be there already; the row it starts in, None if it cannot be had."""
+        outcome = self.add(formula)
+        if outcome == "taken":
+            return self.initial_row[-1]
+        if outcome != "repeated":
+            return None
+        automaton = self._build(formula)
+        return self.row_of.get(automaton.tokens[int(automaton.initial_row[0])])
+
+    def reasons(self) -> str:
+        """Why formulas were not taken in."""
+        count, room = self.count, self.blank.room
+        wide = f"{count['too wide']} too many nodes for the {room[-1]} of their letters, " if room[1:] else ""
+        return (
+            f"{count['too long']} had a row of more than {self.length} tokens, {count['too many']} too many states for "
+            f"the {self.rows} rows together, {wide}{count['repeated']} came twice, {count['kept out']} belong to "
+            f"another pool, {count['entangled']} have too many propositions that play the same part to be compared "
+            "with what is held out"
+        )
+
+    def _build(self, formula: Formula) -> Automaton:
+        names, alphabet = self.blank.names, self.blank.alphabet
+        return build([formula], names, alphabet, limits=self.limits, progression=self.progression)
 
     def _is_kept_out(self, automaton: Automaton, start: int) -> bool:
         if not (self.unlike or self.without or self.held_out):
@@ -169,5 +246,6 @@ class _Builder:
             self.blank.show(rows[row], automaton.tokens[row], 0)
         return True
 
-    def table(self) -> TaskTable:
-        return self.blank.table(self.forest.steps(), self.initial_row)
+    def table(self, repeated_to: int = 0) -> TaskTable:
+        count = max(repeated_to, len(self.initial_row))
+        return self.blank.table(self.forest.steps(), np.resize(np.array(self.initial_row, np.int32), count))

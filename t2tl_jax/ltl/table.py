@@ -47,6 +47,7 @@ class TaskTable:
         pays: float32 `[rewards]`, what the transitions of reward machines pay; None where the verdict is the reward.
             An outcome is a row; for reward machines it is the row `outcome % stride` with `pays[outcome // stride]`.
         states: names of the rows of reward machines, empty for formulas (static).
+        starts: bool `[rows]`, the open rows in which an episode may begin; None for all of them.
     """
 
     tokens: jax.Array
@@ -59,6 +60,7 @@ class TaskTable:
     alphabet: str = flax.struct.field(pytree_node=False)
     pays: jax.Array | None = None
     states: tuple[str, ...] = flax.struct.field(pytree_node=False, default=())
+    starts: jax.Array | None = None
 
     # ----- inside jit -----
 

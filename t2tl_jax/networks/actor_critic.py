@@ -14,7 +14,7 @@ from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
 from t2tl_jax.networks.initializers import unit_norm
 from t2tl_jax.networks.state_encoder import StateEncoderConfig
 from t2tl_jax.networks.state_encoders import FlatConfig, check_context, make_state_encoder
-from t2tl_jax.networks.task_encoder import TaskEncoder, TaskEncoderConfig
+from t2tl_jax.networks.task_encoder import RowEncoder, TaskEncoder, TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.objects import Objects
@@ -149,6 +149,11 @@ class ActorCritic(RecurrentNetwork):
         """float32[rows, dim], one vector for every row of the table."""
         embedding = self.task_encoder(table)
         return jax.lax.stop_gradient(embedding) if self.config.freeze_task_encoder else embedding
+
+    def embed_rows(self, table: TaskTable, rows: jax.Array, known: jax.Array | None = None) -> jax.Array:
+        """float32[k, dim], those of some rows alone; only where the encoder's configuration says `rows_apart`."""
+        reader: RowEncoder = self.task_encoder  # type: ignore[assignment]
+        return reader.of_rows(table, rows, known)
 
     def see(self, obs: jax.Array, task: jax.Array | None = None) -> jax.Array:
         """The environment encoder: obs [..., O], and task [..., dim] if it reads it -> [..., env_layers[-1]]."""

@@ -8,7 +8,7 @@ from flax import linen as nn
 
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.initializers import unit_norm
-from t2tl_jax.networks.task_encoder import SequenceEncoderConfig
+from t2tl_jax.networks.task_encoder import ReadsTokens, SequenceEncoderConfig
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,11 @@ class GRUConfig(SequenceEncoderConfig):
     def __post_init__(self) -> None:
         if min(self.width, self.output) < 1:
             raise ValueError(f"sizes of the recurrent network must be at least 1, got {self}")
+
+    @property
+    def rows_apart(self) -> bool:
+        """A row is its tokens."""
+        return True
 
 
 def last_state(cell: nn.GRUCell, tokens: jax.Array, mask: jax.Array) -> jax.Array:
@@ -40,7 +45,7 @@ def last_state(cell: nn.GRUCell, tokens: jax.Array, mask: jax.Array) -> jax.Arra
     return state
 
 
-class GRUTaskEncoder(nn.Module):
+class GRUTaskEncoder(ReadsTokens, nn.Module):
     """The formula's tokens, read by a GRU; its state after the last real token is the code."""
 
     config: GRUConfig

@@ -43,6 +43,11 @@ class JoinedConfig(TaskEncoderConfig):
         return self.first.carries_over and self.second.carries_over
 
     @property
+    def rows_apart(self) -> bool:
+        """Whether what has parameters can."""
+        return self.learned and all(part.rows_apart or not part.learned for part in (self.first, self.second))
+
+    @property
     def reads_tokens(self) -> bool:
         """Whether one of them does."""
         return self.first.reads_tokens or self.second.reads_tokens
@@ -76,3 +81,14 @@ class JoinedTaskEncoder(nn.Module):
     def __call__(self, table: TaskTable) -> jax.Array:
         """float32[rows, code_size]."""
         return jnp.concatenate([self.first(table), self.second(table)], axis=-1)
+
+    def of_rows(self, table: TaskTable, rows: jax.Array, known: jax.Array | None = None) -> jax.Array:
+        """See `RowEncoder`: a part without parameters stays as it was."""
+        parts, before = [], 0
+        for part, encoder in ((self.config.first, self.first), (self.config.second, self.second)):
+            code = None if known is None else known[:, before : before + part.code_size]
+            before += part.code_size
+            if part.learned:
+                code = encoder.of_rows(table, rows, code)
+            parts.append(encoder(table)[rows] if code is None else code)
+        return jnp.concatenate(parts, axis=-1)

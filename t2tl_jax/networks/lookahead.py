@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import linen as nn
 
 from t2tl_jax import checks
@@ -27,14 +28,32 @@ class LookaheadConfig(TaskEncoderConfig):
     """Room for so many propositions, at least those of the environment; those that it lacks are zeros."""
     steps: int = 3
     """Steps of the way that are told."""
+    farther: bool = False
+    """Tell, too, what leads farther from true without failing, such as what a task has to make up for."""
+    letters: tuple[str, ...] = ()
+    """What can hold at once, where that is more or less than each proposition by itself: 'Blue & Green' for both and
+    nothing else. Only such ways count, and each of these is told of instead of the propositions. Empty for every
+    letter of the table."""
 
     def __post_init__(self) -> None:
         checks.counts(self, "propositions", "steps")
+        if len({_holds(letter) for letter in self.letters}) < len(self.letters):
+            raise ValueError(f"a letter comes twice in task_encoder.letters={self.letters}")
+
+    @property
+    def kinds(self) -> int:
+        """Numbers for each step and proposition or letter."""
+        return 3 if self.farther else 2
+
+    @property
+    def told(self) -> int:
+        """Of how many propositions or letters there are numbers."""
+        return len(self.letters) or self.propositions
 
     @property
     def code_size(self) -> int:
-        """Two numbers for each step and proposition, and the distance."""
-        return 2 * self.steps * self.propositions + 1
+        """Some numbers for each step and proposition or letter, and the distance."""
+        return self.kinds * self.steps * self.told + 1
 
     @property
     def carries_over(self) -> bool:
@@ -42,19 +61,43 @@ class LookaheadConfig(TaskEncoderConfig):
         return True
 
     @property
-    def propositions_told(self) -> int:
-        """Of so many propositions there are two numbers for each step."""
-        return self.propositions
+    def propositions_told(self) -> int | None:
+        """Of so many propositions there are numbers for each step; None where letters are told of."""
+        return None if self.letters else self.propositions
 
     def by_proposition(self, code: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """[..., propositions, 2 steps] and the distance [..., 1]."""
-        told = code[..., :-1].reshape(*code.shape[:-1], 2 * self.steps, self.propositions)
+        """[..., propositions, numbers x steps] and the distance [..., 1]."""
+        told = code[..., :-1].reshape(*code.shape[:-1], self.kinds * self.steps, self.propositions)
         return jnp.swapaxes(told, -1, -2), code[..., -1:]
 
 
+def _holds(letter: str) -> frozenset[str]:
+    return frozenset(name.strip() for name in letter.split("&"))
+
+
+def _labels(config: LookaheadConfig, table: TaskTable) -> np.ndarray:
+    """What is told of, as labels: bool[letters, P]."""
+    names = table.propositions
+    if not config.letters:
+        if len(names) > config.propositions:
+            raise ValueError(
+                f"a look-ahead with room for {config.propositions} propositions cannot tell the {len(names)} of this "
+                f"environment apart; set task_encoder.propositions to {len(names)} or more"
+            )
+        return np.eye(len(names), dtype=bool)
+    letters = [_holds(letter) for letter in config.letters]
+    unknown = sorted(frozenset().union(*letters) - set(names))
+    if unknown:
+        raise ValueError(
+            f"task_encoder.letters speaks of {', '.join(unknown)}; this environment has {', '.join(names)}"
+        )
+    return np.array([[name in letter for name in names] for letter in letters])
+
+
 class LookaheadTaskEncoder(nn.Module):
-    """Per row and for each of some steps along the shortest way to true: per proposition, 1 if it alone makes the row
-    false, and 1 if it alone brings the row nearer to true; then the distance, in letters.
+    """Per row and for each of some steps along the shortest way to true: per proposition or letter, 1 if it alone makes
+    the row false, 1 if it alone brings the row nearer to true, and perhaps 1 if it brings it farther away; then the
+    distance, in letters.
 
     The way takes the letter that leads to the least distance, the first of several. Where propositions hold together
     only in pairs, none of them is the one that brings the row nearer. True and false are zeros, and so is every step
@@ -65,21 +108,21 @@ class LookaheadTaskEncoder(nn.Module):
 
     def __call__(self, table: TaskTable) -> jax.Array:
         """float32[rows, code_size]."""
-        config, count = self.config, len(table.propositions)
-        if count > config.propositions:
-            raise ValueError(
-                f"a look-ahead with room for {config.propositions} propositions cannot tell the {count} of this "
-                f"environment apart; set task_encoder.propositions to {count} or more"
-            )
-        distance = distance_to_true(table)
-        alone = table.letter(jnp.eye(count, dtype=bool))
-        shortest = nearest_to_true(table, distance)
+        config, labels = self.config, _labels(self.config, table)
+        alone, letters = table.letter(jnp.asarray(labels)), None
+        if config.letters:
+            letters = jnp.concatenate([table.letter(jnp.zeros((1, len(table.propositions)), bool)), alone])
+        distance = distance_to_true(table, letters)
+        shortest = nearest_to_true(table, distance, letters)
         is_open = (table.verdict == 0)[:, None]
         after, _ = table.step_all(alone)  # [rows, P]
         fails = is_open & (table.verdict[after] < 0)
         nears = is_open & (distance[after] < distance[:, None])
-        room = ((0, 0), (0, config.propositions - count))
-        seen = jnp.stack([jnp.pad(fails, room), jnp.pad(nears, room)], axis=1)  # [rows, 2, room]
+        kinds = [fails, nears]
+        if config.farther:
+            kinds.append(is_open & ~fails & (distance[after] > distance[:, None]))
+        room = ((0, 0), (0, config.told - len(labels)))
+        seen = jnp.stack([jnp.pad(kind, room) for kind in kinds], axis=1)  # [rows, kinds, room]
 
         row, steps = jnp.arange(table.num_rows), []
         for _ in range(config.steps):

@@ -14,7 +14,7 @@ from flax import linen as nn
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.ltl.tokens import NUM_OPERANDS
 from t2tl_jax.networks.initializers import unit_norm
-from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.networks.task_encoder import ReadsTokens, TaskEncoderConfig
 
 SELF, ARG, ARG1, ARG2 = range(4)
 """Relations: a node to itself; to its operator from the operand of a unary one, and from both of a binary one."""
@@ -34,6 +34,11 @@ class RGCNConfig(TaskEncoderConfig):
     def __post_init__(self) -> None:
         if min(self.width, self.layers, self.output) < 1:
             raise ValueError(f"sizes of the graph network must be at least 1, got {self}")
+
+    @property
+    def rows_apart(self) -> bool:
+        """A row is its tokens."""
+        return True
 
     @property
     def code_size(self) -> int:
@@ -84,7 +89,7 @@ class RelationalConvolution(nn.Module):
         return jnp.tanh(sent[SELF] + received + bias)
 
 
-class RGCNTaskEncoder(nn.Module):
+class RGCNTaskEncoder(ReadsTokens, nn.Module):
     """The formula's tree, read by a relational graph network at its root.
 
     A token that the table masks is no node: it sends nothing, and what is below it is not heard.

@@ -5,7 +5,7 @@ per gradient step, however many samples of the batch are in that row. Learned an
 with another encoder.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
 
 import jax
@@ -33,6 +33,12 @@ class TaskEncoderConfig:
     def reads_tokens(self) -> bool:
         """Whether the code is made of the formula's tokens, each of which can be left out to see what it is for."""
         return self.learned
+
+    @property
+    def rows_apart(self) -> bool:
+        """Whether the module can encode some rows without the others: whether it is a `RowEncoder`. Of a large table
+        only the rows that a minibatch holds are then encoded."""
+        return False
 
     @property
     def code_size(self) -> int:
@@ -86,3 +92,27 @@ class TaskEncoder(Protocol):
         What `table.mask` leaves out is not read, also in the middle of a formula: so one sees what a token is for.
         """
         ...
+
+
+class RowEncoder(TaskEncoder, Protocol):
+    """What else is needed of one whose configuration says `rows_apart`."""
+
+    def of_rows(self, table: TaskTable, rows: jax.Array, known: jax.Array | None = None) -> jax.Array:
+        """Encode some rows of the table, as a call encodes all: float32[k, code_size].
+
+        Args:
+            table: the whole table.
+            rows: int32[k].
+            known: float32[k, code_size], the codes that these rows had with earlier parameters, if there are any; what
+                does not depend on parameters can be taken from there.
+        """
+        ...
+
+
+class ReadsTokens:
+    """A `RowEncoder` of modules that read the tokens of a row with their mask, and nothing else of the table."""
+
+    def of_rows(self, table: TaskTable, rows: jax.Array, known: jax.Array | None = None) -> jax.Array:
+        """See `RowEncoder`."""
+        del known
+        return self(replace(table, tokens=table.tokens[rows], mask=table.mask[rows]))  # type: ignore[operator]

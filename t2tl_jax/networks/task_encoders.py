@@ -15,12 +15,12 @@ from t2tl_jax.networks.joined import JoinedConfig, JoinedTaskEncoder
 from t2tl_jax.networks.lookahead import LookaheadConfig, LookaheadTaskEncoder
 from t2tl_jax.networks.rgcn import RGCNConfig, RGCNTaskEncoder
 from t2tl_jax.networks.roles import RolesConfig, RolesTaskEncoder
-from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.networks.task_encoder import ReadsTokens, TaskEncoderConfig
 from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig
 from t2tl_jax.registry import TASK_ENCODERS, register_task_encoder
 
 
-class TransformerTaskEncoder(nn.Module):
+class TransformerTaskEncoder(ReadsTokens, nn.Module):
     """The formula itself, read by a Transformer (T1TL, T2TL)."""
 
     config: TransformerConfig

@@ -51,6 +51,11 @@ class TransformerConfig(SequenceEncoderConfig):
     t_fixup: bool = False
     """T-Fixup scaling of the initial weights (published code)."""
 
+    @property
+    def rows_apart(self) -> bool:
+        """A row is its tokens."""
+        return True
+
     def __post_init__(self) -> None:
         if self.layers < 1:
             raise ValueError(f"a Transformer needs at least one layer, got layers={self.layers}")

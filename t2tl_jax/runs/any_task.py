@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import (
+    Curriculum,
     Formula,
     LTLError,
     Share,
@@ -21,7 +22,7 @@ from t2tl_jax.ltl.compiler.automaton import build
 from t2tl_jax.ltl.padding import NODES_PER_ROW, needed_nodes, padded
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
-from t2tl_jax.runs.pools import check_open
+from t2tl_jax.runs.pools import check_open, kept_out
 
 ROWS, TOKENS = 32, 64
 """The least room of a table. Nearly every named task fits; for larger ones both double until they do."""
@@ -134,10 +135,11 @@ def _trained_on(config: Config, env: LabelledEnv) -> list[Formula] | None:
     if not is_family(config.task, names):
         task = resolve(str(config.task))
         return [task] if isinstance(task, Formula) else None
-    drawn = tasks_of(config.task, names)
-    if not config.pool.held_out:
+    stages = [stage.family for stage in config.task.stages] if isinstance(config.task, Curriculum) else [config.task]
+    drawn = list(dict.fromkeys(task for family in stages for task in tasks_of(family, names)))
+    held_out = kept_out(config, env)
+    if not held_out:
         return drawn
-    held_out = frozenset(row_languages(resolve_tasks(config.pool.held_out).values(), names, env.alphabet))
     return [formula for formula in drawn if held_out.isdisjoint(row_languages([formula], names, env.alphabet))]
 
 

@@ -94,7 +94,7 @@ class PoolConfig:
     size: Count = 32
     """Formulas in a table; all seeds of a run have the same ones."""
     period: Count = 4
-    """Iterations until the next table takes its place. Episodes under way then start anew."""
+    """Iterations until the next table takes its place. Episodes under way then start anew, unless they `finish`."""
     rows: Count = 512
     """Rows of a table: what its formulas can become. Formulas that do not fit are drawn again."""
     length: Count = 48
@@ -102,11 +102,17 @@ class PoolConfig:
     nodes: Count = 0
     """Room for the letters of a table: where so many propositions hold together that letters are looked up in parts,
     what one part leaves open. 0 for twice as many as rows. Formulas that do not fit are drawn again."""
+    finish: bool = False
+    """Let episodes under way end with the tasks that they began with: the table then has room for two pools, and its
+    period must be no shorter than an episode can be."""
     seed: Count = 0
     """Which formulas are drawn. The pool for evaluation is another one in any case."""
     held_out: str = ""
     """Tasks by name or formula, apart by commas, that training is not to meet: no formula is drawn that has an open row
     in common with one of them, under whatever names of propositions. '' for none."""
+    unseen: str = ""
+    """Likewise, but only the tasks themselves are kept out: no formula is drawn that means or can become one of them,
+    under whatever names of propositions. What is left of them when they are begun may be trained on. '' for none."""
 
     def __post_init__(self) -> None:
         checks.counts(self, "size", "period", "length")

@@ -109,7 +109,7 @@ class Experiment:
             self.agent,
             self.seeds,
             self.env_params("training"),
-            restartable=self.pools is not None,
+            restartable=self.pools is not None and not self.config.pool.finish,
             sharding=self.sharding,
         )
 

@@ -8,10 +8,13 @@ T = TypeVar("T")
 
 
 class Prefetch(Generic[T]):
-    """``make(0)``, ``make(1)``, ...: after one has been asked for, the next one is made. Use as a context manager."""
+    """``make(0)``, ``make(1)``, ...: after one has been asked for, the next one is made. Use as a context manager.
 
-    def __init__(self, make: Callable[[int], T]) -> None:
-        self._make = make
+    Where that is not known yet, `knows(number)` says so, and `prepare` begins it later.
+    """
+
+    def __init__(self, make: Callable[[int], T], knows: Callable[[int], bool] = lambda number: True) -> None:
+        self._make, self._knows = make, knows
         self._executor = ThreadPoolExecutor(max_workers=1)
         self._ahead: dict[int, Future[T]] = {}
 
@@ -24,8 +27,14 @@ class Prefetch(Generic[T]):
     def get(self, number: int) -> T:
         """What ``make(number)`` returns or raises."""
         value = self._start(number).result()
-        self._ahead = {number + 1: self._start(number + 1)}
+        self._ahead = {ahead: made for ahead, made in self._ahead.items() if ahead == number + 1}
+        self.prepare(number + 1)
         return value
+
+    def prepare(self, number: int) -> None:
+        """Begin to make one, if it is known what it is."""
+        if self._knows(number):
+            self._ahead[number] = self._start(number)
 
     def _start(self, number: int) -> "Future[T]":
         return self._ahead.get(number) or self._executor.submit(self._make, number)

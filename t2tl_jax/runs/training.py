@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from t2tl_jax.errors import UserError
+from t2tl_jax.ltl import Curriculum
 from t2tl_jax.runs import chunks, loop, pretraining
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
@@ -19,6 +20,7 @@ from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.history import History
 from t2tl_jax.runs.interrupts import Interrupted, Stoppable
+from t2tl_jax.runs.lessons import Lesson, Lessons
 from t2tl_jax.runs.loggers import CSVLogger
 from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to
 from t2tl_jax.runs.prefetch import Prefetch
@@ -60,6 +62,7 @@ class Training:
     convergence: Convergence = field(init=False)
     success: SuccessWatch = field(init=False)
     selection: Selection = field(init=False)
+    lessons: Lessons | None = field(init=False, default=None)
     scorer: Scorer | None = field(init=False, default=None)
     best: Any = field(init=False, default=None)
     lacks_replay: bool = field(init=False, default=False)
@@ -139,6 +142,8 @@ class Training:
             info, stored_rows = stored.info, stored.info.get("rows", {})
             self.progress.last_row = stored_rows.get("last", stored.iteration)  # early versions had every row
             earlier = self._earlier(stored.iteration, self.progress.last_row)
+        if isinstance(config.task, Curriculum):
+            self.lessons = Lessons(config.task, config.pool.period, config.pool.size, info.get("lessons"))
         seeds = len(experiment.lanes)
         rows = info.get("rows", {"last": self.progress.last_row})
         self.thinning = Thinning(config.iterations, experiment.lanes, rows)
@@ -257,7 +262,12 @@ class Training:
         experiment, progress = self.experiment, self.progress
         program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
         env_params = program.env_params
-        pools = Prefetch(experiment.pools.training if experiment.pools else lambda number: experiment.table)
+        tables, lessons = experiment.pools, self.lessons
+        lesson_of = lessons.of if lessons is not None else lambda number: Lesson()
+        pools = Prefetch(
+            lambda number: experiment.table if tables is None else tables.training(number, lesson_of),
+            knows=lambda number: lessons is None or lessons.knows(number),
+        )
         maps = Prefetch(experiment.maps)
         optima: dict[int, list[float]] = {}
         begin = time.monotonic()
@@ -273,7 +283,7 @@ class Training:
                 best = {discount: optimal_return(table, discount) for discount in set(experiment.discounts)}
                 optima[number] = [best[discount] for discount in experiment.discounts]
                 env_params = place_params(replace(env_params, table=table), program.sharding)
-            if renew and done:
+            if renew and done and compiled.restart is not None:
                 state = compiled.restart(state, env_params)
             return state, env_params
 
@@ -281,8 +291,14 @@ class Training:
             progress.done, progress.train_seconds = iteration, time.monotonic() - begin
             metrics = program.unpadded(metrics)
             pool, more = (iteration - 1) // config.pool.period, {}
-            if experiment.pools is not None:
+            if tables is not None:
                 more["optimal_return"] = np.array(optima[pool])
+                if lessons is not None:
+                    if metrics.tasks is None:
+                        raise UserError(f"{config.task} counts success by task, which this learner does not report")
+                    lessons.add(iteration, metrics.tasks, tables.names(pool, lesson_of))
+                    more |= lessons.columns(pool, len(progress.seeds))
+                    pools.prepare(pool + 2)
             at = iteration, iteration * frames
             new = make_rows(metrics, *at, progress.seeds, more)
             self.convergence.add(new)
@@ -311,6 +327,7 @@ class Training:
             if self.checkpoints is not None:
                 info: dict[str, Any] = {"seeds": list(progress.seeds), "frames": iteration * frames}
                 info |= {"best": best and best.info(), "selection": going_on and going_on.info()}
+                info |= {"lessons": lessons.state()} if lessons is not None else {}
                 info |= {"rows": self.thinning.info(), "width": self.width}
                 if self.thinning.stride > 1:
                     info["watch"] = {"success": self.success.info(), "convergence": self.convergence.info()}

@@ -43,12 +43,23 @@ class EpisodeTotals:
 
 
 @struct.dataclass
+class TaskTotals:
+    """Episodes that finished during one iteration by task, where pools take turns; K tasks a pool.
+
+    First those of the present pool, then those of the one before. Starts in other rows are of no task.
+    """
+
+    episodes: jax.Array  # int32[2, K]
+    successes: jax.Array  # int32[2, K]
+
+
+@struct.dataclass
 class Metrics:
     """What one iteration reports: finished episodes and named scalars (losses, entropy, gradient norm, ...)."""
 
     episodes: EpisodeTotals
     scalars: dict[str, jax.Array]
-    fault: jax.Array | int = 0  # int32, a `Fault`: for the runner to fill in, see `training/guard.py`
+    tasks: TaskTotals | None = None  # where the table holds two pools, see `ltl/turns.py`
 
 
 class TrainState(Protocol):

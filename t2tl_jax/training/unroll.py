@@ -15,8 +15,9 @@ import jax.numpy as jnp
 from brax.envs.base import State
 from flax import struct
 
+from t2tl_jax.ltl import TaskTable
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
-from t2tl_jax.training.types import Agent, AgentCarry, EpisodeTotals, Params, repeated
+from t2tl_jax.training.types import Agent, AgentCarry, EpisodeTotals, Params, TaskTotals, repeated
 
 
 @struct.dataclass
@@ -238,6 +239,19 @@ def by_task(ended: jax.Array, task: jax.Array, score: jax.Array, num_tasks: int)
         "best_score": scores.max(0),
     }
     return {f"{name}_{k + 1}": values[k] for name, values in columns.items() for k in range(num_tasks)}
+
+
+def task_totals(step: Step, table: TaskTable) -> TaskTotals | None:
+    """The episodes that ended in a step of N environments by task; None unless pools take turns in the table."""
+    if table.starts is None:
+        return None
+    before = ~table.starts[step.row]  # an open row that is not of the present pool
+
+    def counted(ended: jax.Array) -> jax.Array:
+        # A start in another row has no task, and counts as 0 episodes.
+        return jnp.zeros((2, table.num_tasks), jnp.int32).at[before.astype(jnp.int32), step.task].add(ended)
+
+    return TaskTotals(episodes=counted(step.totals.episodes), successes=counted(step.totals.successes))
 
 
 def _fresh(env: TaskEnv, env_params: TaskParams, key: jax.Array, limit: jax.Array, turn: jax.Array) -> Episode:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs.flatworld import EPISODE_LENGTH, FlatWorld, FlatWorldConfig
+from envs.flatworld import EPISODE_LENGTH, LETTERS, FlatWorld, FlatWorldConfig
 from envs.flatworld.config import REGIONS
 from t2tl_jax.evaluation.episodes import first_episodes
 from t2tl_jax.evaluation.report import summarise, table
@@ -164,3 +164,11 @@ def test_names_and_horizon(env):
 def test_bad_configurations_fail_clearly(config, message):
     with pytest.raises(ValueError, match=message):
         FlatWorldConfig(**config)
+
+
+def test_letters_are_the_sets_of_colours_that_hold_somewhere():
+    world = FlatWorld()
+    grid = np.stack(np.meshgrid(*[np.linspace(-2, 2, 401)] * 2), axis=-1).reshape(-1, 2)
+    labels = np.unique(jax.vmap(lambda place: world.labels(world.reset_to(place)))(grid), axis=0)
+    found = {frozenset(np.array(world.propositions)[of].tolist()) for of in labels}
+    assert found == {frozenset(), *(frozenset(letter.split(" & ")) for letter in LETTERS)}

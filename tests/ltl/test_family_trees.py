@@ -179,3 +179,14 @@ def test_what_cannot_be_is_refused(make, said):
 def test_the_base_class_draws_nothing():
     with pytest.raises(NotImplementedError):
         TaskFamily().draw(random.Random(0), COLOURS)
+
+
+def test_goals_may_be_several_propositions_at_once():
+    family = Chains(ONE, ONE, (1, 1), goals=("a", "b", "c", "a & b"))
+    assert {str(task) for task in family.every(("a", "b", "c"))} == {
+        *("!b U a", "!c U a", "!a U b", "!c U b", "!a U c", "!b U c", "!(a & b) U c", "!c U (a & b)")
+    }
+    drawn = {family.draw(random.Random(seed), ()) for seed in range(200)}
+    assert drawn == set(family.every(()))
+    with pytest.raises(LTLError, match="a formula of one state"):
+        Chains(goals=("F a",))

@@ -1,5 +1,7 @@
 """The codes that are read off the table: against a slow reading in Python, and what they must not depend on."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,41 +32,68 @@ def look(config: LookaheadConfig, table: TaskTable) -> np.ndarray:
 def slow_code(table: TaskTable, row: int, config: LookaheadConfig) -> list[float]:
     """The same code, step by step, from the automaton in plain Python."""
     automaton = table.automaton()
-    letters = automaton.next_row.shape[1]
+    names = [letter.split(" & ") for letter in config.letters] or [[name] for name in table.propositions]
+    letters = [automaton.letter(of) for of in ([], *names)] if config.letters else range(automaton.next_row.shape[1])
 
     def distance(start: int) -> float:
         front, seen, steps = {start}, {start}, 0
         while front:
             if 0 in front:
                 return steps
-            front = {int(after) for now in front for after in automaton.next_row[now]} - seen
+            front = {int(automaton.next_row[now, letter]) for now in front for letter in letters} - seen
             seen |= front
             steps += 1
         return float("inf")
 
     def told(now: int) -> list[float]:
         if automaton.verdict[now]:
-            return [0.0] * (2 * config.propositions)
-        after = [int(automaton.next_row[now, automaton.letter([name])]) for name in table.propositions]
-        spare = [0.0] * (config.propositions - len(after))
+            return [0.0] * (config.kinds * config.told)
+        after = [int(automaton.next_row[now, automaton.letter(of)]) for of in names]
+        spare = [0.0] * (config.told - len(after))
         fails = [float(automaton.verdict[then] < 0) for then in after]
         nears = [float(distance(then) < distance(now)) for then in after]
-        return [*fails, *spare, *nears, *spare]
+        farther = [float(distance(then) > distance(now)) * (1 - fail) for then, fail in zip(after, fails, strict=True)]
+        return [*fails, *spare, *nears, *spare, *([*farther, *spare] if config.farther else [])]
 
     code, now = [], row
     for _ in range(config.steps):
         code += told(now)
-        now = min((int(automaton.next_row[now, letter]) for letter in range(letters)), key=distance)
+        now = min((int(automaton.next_row[now, letter]) for letter in letters), key=distance)
     far = 0.0 if automaton.verdict[row] else distance(row)
     return [*code, far]
 
 
-@pytest.mark.parametrize("alphabet", ["at_most_one", "every_subset"])
-def test_look_ahead_equals_a_walk_through_the_automaton(alphabet):
-    table = table_of(*TASKS, alphabet=alphabet)
-    code = look(CONFIG, table)
-    assert code.shape == (table.num_rows, CONFIG.code_size)
-    np.testing.assert_array_equal(code, [slow_code(table, row, CONFIG) for row in range(table.num_rows)])
+@pytest.mark.parametrize(
+    ("alphabet", "config"),
+    [
+        ("at_most_one", CONFIG),
+        ("every_subset", CONFIG),
+        ("at_most_one", dataclasses.replace(CONFIG, farther=True)),
+        ("every_subset", LookaheadConfig(letters=("Green", "Blue & Green", "Yellow", "Magenta"), farther=True)),
+    ],
+)
+def test_look_ahead_equals_a_walk_through_the_automaton(alphabet, config):
+    table = table_of(*TASKS, "(Blue -> F Magenta) U Yellow", "F(Blue & Green) & F Yellow", alphabet=alphabet)
+    code = look(config, table)
+    assert code.shape == (table.num_rows, config.code_size)
+    np.testing.assert_array_equal(code, [slow_code(table, row, config) for row in range(table.num_rows)])
+
+
+def test_ways_that_cannot_be_gone_do_not_count():
+    """Green, Blue and Magenta hold together nowhere, so Magenta comes first; otherwise one step would do."""
+    table = table_of("!Yellow U (Green & Blue) & (!Green U Magenta)", alphabet="every_subset")
+    row = int(table.initial_row[0])
+    config = LookaheadConfig(steps=2, letters=("Blue", "Green", "Magenta", "Yellow", "Blue & Green"))
+    fails, nears, then_fails, then_nears, far = np.split(look(config, table)[row], [5, 10, 15, 20])
+    np.testing.assert_array_equal(fails, [0, 1, 0, 1, 1])
+    np.testing.assert_array_equal(nears, [0, 0, 1, 0, 0])
+    np.testing.assert_array_equal(then_fails, [0, 0, 0, 1, 0])
+    np.testing.assert_array_equal(then_nears, [0, 0, 0, 0, 1])
+    assert far == 2 and look(CONFIG, table)[row][-1] == 1
+    with pytest.raises(ValueError, match="speaks of Red; this environment has Blue"):
+        look(LookaheadConfig(letters=("Red & Blue",)), table)
+    with pytest.raises(ValueError, match="a letter comes twice"):
+        LookaheadConfig(letters=("Red & Blue", "Blue & Red"))
 
 
 def test_what_it_says_of_a_task_is_what_a_reader_would_say():

@@ -8,7 +8,19 @@ import pytest
 
 from experiments.cli.request import override
 from t2tl_jax.errors import UserError
-from t2tl_jax.ltl import Chains, Conjunction, Listed, LTLError, Mixture, Named, renaming, resolve_tasks, row_languages
+from t2tl_jax.ltl import (
+    Chains,
+    Conjunction,
+    Listed,
+    LTLError,
+    Mixture,
+    Named,
+    compile_pool,
+    compile_tasks,
+    renaming,
+    resolve_tasks,
+    row_languages,
+)
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.registry import make_env, named_config
@@ -105,3 +117,37 @@ def test_what_is_held_out_is_met_under_no_name():
     wrong = dataclasses.replace(config, pool=dataclasses.replace(config.pool, held_out="z9"))
     with pytest.raises(LTLError, match='unknown task "z9"'):
         make_pools(wrong, ENV).training(0)
+
+
+def start(task, env):
+    """The class of a task itself, not of what is left of it."""
+    table = compile_tasks(resolve_tasks(task)[task], env.propositions, env.alphabet)
+    full = compile_pool(Listed((task,)), env.propositions, env.alphabet, 0, size=1, rows=table.num_rows, length=99)
+    rows = np.asarray(full.initial_row).tolist()
+    return renaming.classes(np.asarray(full.next_row), np.asarray(full.verdict), rows, full.alphabet)[0]
+
+
+def test_what_is_unseen_is_no_task_under_any_name_but_what_is_left_of_it_may_be():
+    first, every = start("z4", ENV), set(row_languages(resolve_tasks("z4").values(), ENV.propositions))
+    config = dataclasses.replace(BASE, task=Chains((2, 2), (1, 1)), pool=PoolConfig(size=60, rows=512, length=40))
+    free = make_pools(config, ENV).training(1)
+    kept = make_pools(dataclasses.replace(config, pool=dataclasses.replace(config.pool, unseen="z4")), ENV).training(1)
+    assert first in meanings(free) and first not in meanings(kept)
+    assert not meanings(kept).isdisjoint(every - {first})
+
+
+@pytest.mark.parametrize("name", ["zones_any", "letters_any", "flat_any"])
+def test_configurations_for_any_task_keep_out_what_they_are_tested_on(name):
+    """Pools of their sizes fit, fill their table well, and meet none of the test formulas as a task."""
+    config = named_config(name)
+    env = make_env(config.env)
+    config = dataclasses.replace(config, pool=dataclasses.replace(config.pool, size=48, rows=256))
+    tests = resolve_tasks(config.pool.unseen)
+    assert len(tests) == (6 if name == "zones_any" else 5)
+    starts = {start(name, env) for name in tests}
+    table = make_pools(config, env).training(0)
+    own = renaming.classes(
+        np.asarray(table.next_row), np.asarray(table.verdict), np.flatnonzero(table.starts).tolist(), table.alphabet
+    )
+    assert starts.isdisjoint(own) and table.num_tasks == 48
+    assert config_files.from_json(config_files.to_json(config), "test") == config
