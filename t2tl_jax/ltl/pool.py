@@ -88,8 +88,8 @@ def compile_pool(
         return builder.table(repeated_to=size if fill else 0)
     raise TooLargeError(
         f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {DRAWS_PER_TASK * size} draws: '
-        f"{builder.reasons()}; raise the caps on tokens and rows{' and nodes' * bool(blank.room[1:])}, or ask for fewer "
-        "formulas"
+        f"{builder.reasons()}; raise the caps on tokens and rows{' and nodes' * bool(blank.room[1:])}, or ask for "
+        "fewer formulas"
     )
 
 

@@ -18,6 +18,7 @@ from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import Pools, make_pools, make_table
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.devices import seed_sharding
+from t2tl_jax.training.guard import watched
 from t2tl_jax.training.numbers import make_given, numbers_of
 from t2tl_jax.training.program import OVER_SEEDS, Program, of_each_seed, params_of_seeds, trace
 from t2tl_jax.training.seeds import TRAINING, parse_seeds, stream_keys
@@ -198,7 +199,7 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
         world = Renamed(env) if config.renaming else env
         training_env = TaskEnv(world, table, config.random_starts, config.labels)
         make = AGENTS.maker(config.learner)
-        agent = make_given(make, training_env, config.learner, config.episode_length, config.iterations)
+        agent = watched(make_given(make, training_env, config.learner, config.episode_length, config.iterations))
         if pools is not None and agent.restart is None:
             raise UserError(
                 f"{config.task} is a family of random tasks, which change during training, and this learner cannot go "

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from t2tl_jax.runs import faults
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json, writing
 
@@ -13,8 +14,9 @@ class StatusFile(Callback):
         """Take up what the session before this one left: its times, and what is known of a pre-training."""
         self._folder = folder
         self._earlier = read_json(folder.status)
-        if "pretraining" in self._earlier:
-            progress.notes["pretraining"] = self._earlier["pretraining"]
+        for name in ("pretraining", faults.NAME):
+            if name in self._earlier:
+                progress.notes[name] = self._earlier[name]
 
     def on_checkpoint(self, progress: TrainingProgress) -> None:
         """The training goes on."""

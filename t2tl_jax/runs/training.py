@@ -10,7 +10,7 @@ import numpy as np
 
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import Curriculum
-from t2tl_jax.runs import chunks, loop, pretraining
+from t2tl_jax.runs import chunks, faults, loop, pretraining
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 from t2tl_jax.runs.compilation import Compiled
@@ -290,6 +290,7 @@ class Training:
         def record(iteration: int, metrics: Metrics) -> None:
             progress.done, progress.train_seconds = iteration, time.monotonic() - begin
             metrics = program.unpadded(metrics)
+            faults.note(progress, np.asarray(metrics.fault))
             pool, more = (iteration - 1) // config.pool.period, {}
             if tables is not None:
                 more["optimal_return"] = np.array(optima[pool])

@@ -1,16 +1,17 @@
-"""Numbers that are not finite: noticed inside the compiled program, and kept out of the parameters.
+"""Numbers that are not finite: noticed inside the compiled program, and named with their cause.
 
-A seed whose parameters become NaN or infinite keeps those from before that iteration, in all sets that its learner
-holds. Its optimiser holds NaN from then on, so it learns no more; the seeds beside it do not notice. What it costs is
-one look at the parameters in an iteration.
+What keeps them out of the parameters is the optimiser (`only_finite`): a gradient step whose gradient is not finite
+changes nothing. A seed whose environments or losses stay broken therefore keeps the parameters that it had, and the
+seeds beside it do not notice.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import optax
 
 from t2tl_jax.task_env import TaskParams
 from t2tl_jax.training.types import Agent, Metrics, Params
@@ -20,72 +21,70 @@ class Fault(IntEnum):
     """What was found not to be finite; where several things were, the one that comes first here."""
 
     NONE = 0
-    """All parameters are finite."""
+    """Everything was finite that is looked at."""
     ENVIRONMENT = 1
-    """The state of an environment holds NaN at the end of the iteration."""
+    """An observation of an environment is NaN at the end of the iteration."""
     LOSS = 2
     """A scalar that is called a loss."""
     GRADIENT = 3
     """The norm of the gradient."""
-    PARAMETERS = 4
-    """The parameters alone."""
 
 
 CAUSES = {
-    Fault.ENVIRONMENT: "the state of its environments is not a number",
-    Fault.LOSS: "its loss is not finite",
-    Fault.GRADIENT: "its gradient is not finite",
-    Fault.PARAMETERS: "its parameters are not finite, though loss and gradient are",
+    Fault.ENVIRONMENT: "the observation of an environment was not a number",
+    Fault.LOSS: "the loss was not finite",
+    Fault.GRADIENT: "the gradient was not finite",
 }
 """What is said of a seed, by fault."""
 
 
-def guarded(agent: Agent) -> Agent:
-    """The same learner, whose `iterate` keeps parameters finite and reports in `Metrics.fault` where it had to.
+def only_finite(optimizer: optax.GradientTransformation) -> optax.GradientTransformation:
+    """The same optimiser, but a gradient whose norm is not finite changes no parameter; its moments take it for 0.
 
-    A learner that holds its environments in a field `episodes` of its state is also looked through for NaN there.
+    The norm is the one that clipping needs anyway, and what follows is part of the arithmetic on every parameter: it
+    costs nothing that can be measured.
+    """
+
+    def update(gradient: Any, state: Any, params: Params = None, **extra: Any) -> tuple[Any, Any]:
+        finite = jnp.isfinite(optax.tree.norm(gradient))
+        gradient = jax.tree.map(lambda x: jnp.where(finite, x, 0.0), gradient)
+        updates, state = optimizer.update(gradient, state, params, **extra)
+        return jax.tree.map(lambda x: jnp.where(finite, x, 0.0), updates), state
+
+    return optax.GradientTransformation(optimizer.init, update)
+
+
+def watched(agent: Agent) -> Agent:
+    """The same learner, whose `iterate` says in `Metrics.fault` what was not finite.
+
+    Looked at are the scalars whose names hold "loss" or "gradient", and the observations of a learner that keeps its
+    environments in a field `episodes` of its state.
     """
 
     def iterate(state: Any, env_params: TaskParams) -> tuple[Any, Metrics]:
-        after, metrics = agent.iterate(state, env_params)
-        old, new = _sets(agent, state), _sets(agent, after)
-        good = _finite(new)
-        kept = iter([jax.tree.map(lambda a, b: jnp.where(good, a, b), *pair) for pair in zip(new, old, strict=True)])
-        causes = (
-            (_has_nan(getattr(after, "episodes", ())), Fault.ENVIRONMENT),
-            (~_finite([x for name, x in metrics.scalars.items() if "loss" in name]), Fault.LOSS),
-            (~_finite([x for name, x in metrics.scalars.items() if "gradient" in name]), Fault.GRADIENT),
+        state, metrics = agent.iterate(state, env_params)
+        observed = getattr(getattr(getattr(state, "episodes", None), "state", None), "obs", ())
+        found = (
+            (any_where(jnp.isnan, observed), Fault.ENVIRONMENT),
+            (any_where(_not_finite, _named(metrics.scalars, "loss")), Fault.LOSS),
+            (any_where(_not_finite, _named(metrics.scalars, "gradient")), Fault.GRADIENT),
         )
-        fault = jnp.int32(Fault.PARAMETERS)
-        for found, cause in reversed(causes):
-            fault = jnp.where(found, jnp.int32(cause), fault)
-        metrics = metrics.replace(fault=jnp.where(good, jnp.int32(Fault.NONE), fault))  # type: ignore[attr-defined]
-        return agent.map_params(after, lambda _: next(kept)), metrics
+        fault = jnp.int32(Fault.NONE)
+        for is_found, cause in reversed(found):
+            fault = jnp.where(is_found, jnp.int32(cause), fault)
+        return state, metrics.replace(fault=fault)  # type: ignore[attr-defined]
 
     return agent._replace(iterate=iterate)
 
 
-def _sets(agent: Agent, state: Any) -> list[Params]:
-    """The sets of the network's parameters that a state holds, in the order in which `map_params` visits them."""
-    found: list[Params] = []
-
-    def note(params: Params) -> Params:
-        found.append(params)
-        return params
-
-    agent.map_params(state, note)
-    return found
+def any_where(test: Any, tree: Any) -> jax.Array:
+    """bool[]: whether a test of single numbers holds anywhere in a tree."""
+    return jnp.any(jnp.array([test(x).any() for x in jax.tree.leaves(tree)], bool))
 
 
-def _floats(tree: Any) -> Sequence[jax.Array]:
-    return [x for x in jax.tree.leaves(tree) if jnp.issubdtype(jnp.result_type(x), jnp.floating)]
+def _not_finite(x: jax.Array) -> jax.Array:
+    return ~jnp.isfinite(x)
 
 
-def _finite(tree: Any) -> jax.Array:
-    """bool[]: whether all floating-point numbers of a tree are finite."""
-    return jnp.all(jnp.array([jnp.isfinite(x).all() for x in _floats(tree)], bool))
-
-
-def _has_nan(tree: Any) -> jax.Array:
-    """bool[]: whether any floating-point number of a tree is NaN. Environments may hold infinities on purpose."""
-    return jnp.any(jnp.array([jnp.isnan(x).any() for x in _floats(tree)], bool))
+def _named(scalars: Mapping[str, jax.Array], part: str) -> list[jax.Array]:
+    return [value for name, value in scalars.items() if part in name]

@@ -7,6 +7,7 @@ import jax
 import optax
 
 from t2tl_jax import checks
+from t2tl_jax.training.guard import only_finite
 from t2tl_jax.training.transfer import PART
 from t2tl_jax.training.types import LearnerConfig, Params
 
@@ -43,7 +44,7 @@ def clipped_adam(
     task_encoder_learning_rate: float | jax.Array | None = None,
     freeze_task_encoder: bool = False,
 ) -> optax.GradientTransformation:
-    """Adam on gradients that are clipped by their global norm.
+    """Adam on gradients that are clipped by their global norm; those that are not finite change nothing.
 
     Args:
         learning_rate: step size, at the start if it is annealed.
@@ -64,7 +65,7 @@ def clipped_adam(
         step = optax.partition({PART: optax.set_to_zero(), REST: step}, _labels)
     elif task_encoder_learning_rate is not None:
         step = optax.partition({PART: adam(task_encoder_learning_rate), REST: step}, _labels)
-    return optax.chain(optax.clip_by_global_norm(max_gradient_norm), step)
+    return only_finite(optax.chain(optax.clip_by_global_norm(max_gradient_norm), step))
 
 
 def _labels(params: Params) -> Params:

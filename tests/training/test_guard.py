@@ -1,90 +1,112 @@
-"""Parameters that are not finite are given up, the cause is named, and other seeds go on."""
+"""Gradients that are not finite change nothing, the cause is named, and other seeds go on."""
+
+from dataclasses import replace
 
 import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 from flax import struct
 
-from t2tl_jax.training.guard import CAUSES, Fault, guarded
+from t2tl_jax.registry import AGENTS, Kind
+from t2tl_jax.runs.callbacks import Callback
+from t2tl_jax.runs.train import train
+from t2tl_jax.training.guard import CAUSES, Fault, watched
+from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics
-from tests.fake_agent import FakeConfig, make_agent
+from tests import fake_agent
+from tests.fake_learner import CONFIG
 
+NAN, INF = float("nan"), float("inf")
 NOBODY = EpisodeTotals(*[jnp.int32(0)] * 5, *[jnp.float32(0)] * 3)
 
 
 @struct.dataclass
-class TwoSets:
-    params: dict
-    target: dict
-    episodes: jax.Array
+class Here:
+    obs: jax.Array
 
 
-def spoiled(params=1.0, target=1.0, episodes=0.0, **scalars):
-    """One iteration of a learner that multiplies its parameters, and reports and holds what is said."""
-
-    def iterate(state, env_params):
-        new = TwoSets(
-            jax.tree.map(lambda x: x * params, state.params),
-            jax.tree.map(lambda x: x * target, state.target),
-            state.episodes + episodes,
-        )
-        return new, Metrics(NOBODY, {"loss": jnp.float32(0), "gradient_norm": jnp.float32(0), **scalars})
-
-    def map_params(state, function):
-        return state.replace(params=function(state.params), target=function(state.target))
-
-    agent = Agent(None, iterate, None, None, 1, map_params=map_params)
-    state = TwoSets({"w": jnp.arange(3.0) + 1}, {"w": jnp.arange(3.0) + 5}, jnp.zeros(2))
-    return state, *jax.jit(guarded(agent).iterate)(state, None)
+@struct.dataclass
+class Episodes:
+    state: Here
 
 
-NAN = float("nan")
+@struct.dataclass
+class State:
+    episodes: Episodes
 
 
 @pytest.mark.parametrize(
-    ("what", "fault"),
+    ("obs", "scalars", "fault"),
     [
-        ({"params": 2.0}, Fault.NONE),
-        ({"params": 2.0, "entropy": jnp.float32(NAN)}, Fault.NONE),
-        ({"params": NAN}, Fault.PARAMETERS),
-        ({"params": float("inf")}, Fault.PARAMETERS),
-        ({"target": NAN}, Fault.PARAMETERS),
-        ({"params": NAN, "gradient_norm": jnp.float32(float("inf"))}, Fault.GRADIENT),
-        ({"params": NAN, "gradient_norm": jnp.float32(NAN), "value_loss": jnp.float32(NAN)}, Fault.LOSS),
-        ({"params": NAN, "value_loss": jnp.float32(NAN), "episodes": NAN}, Fault.ENVIRONMENT),
-        ({"params": NAN, "episodes": float("inf")}, Fault.PARAMETERS),
+        (0.0, {}, Fault.NONE),
+        (INF, {"entropy": NAN}, Fault.NONE),
+        (0.0, {"gradient_norm": INF}, Fault.GRADIENT),
+        (0.0, {"gradient_norm": NAN, "value_loss": NAN}, Fault.LOSS),
+        (NAN, {"value_loss": INF}, Fault.ENVIRONMENT),
     ],
 )
-def test_the_first_cause_is_named_and_all_parameters_stay(what, fault):
-    before, after, metrics = spoiled(**what)
+def test_the_first_cause_is_named(obs, scalars, fault):
+    def iterate(state, env_params):
+        return state, Metrics(NOBODY, {name: jnp.float32(value) for name, value in scalars.items()})
+
+    state = State(Episodes(Here(jnp.full((2, 3), obs))))
+    _, metrics = jax.jit(watched(Agent(None, iterate, None, None, 1)).iterate)(state, None)
     assert Fault(int(metrics.fault)) is fault and (fault in CAUSES) == (fault is not Fault.NONE)
-    if fault is Fault.NONE:
-        chex.assert_trees_all_equal(after.params, {"w": before.params["w"] * 2.0})
-    else:
-        chex.assert_trees_all_equal((after.params, after.target), (before.params, before.target))
 
 
-def test_a_seed_that_breaks_learns_no_more_and_the_one_beside_it_does_not_notice():
-    plain = make_agent(config=FakeConfig())
+@pytest.mark.parametrize("bad", [NAN, INF, 1e30])
+def test_a_gradient_that_is_not_finite_changes_nothing(bad):
+    """Also one whose norm overflows."""
+    optimizer = clipped_adam(1e-2, 0.5, gradient_steps=10, anneal=False)
+    params = {"params": {"task_encoder": {"w": jnp.ones(2)}, "actor": {"w": jnp.ones(3)}}}
+    state = optimizer.init(params)
+    good = jax.tree.map(jnp.ones_like, params)
+    spoiled = {"params": {**good["params"], "actor": {"w": jnp.array([1.0, bad, 1.0])}}}
+    for gradient in (good, spoiled, good):
+        updates, state = optimizer.update(gradient, state, params)
+        after = optax.apply_updates(params, updates)
+        moved = [float(jnp.abs(a - b).max()) for a, b in zip(*map(jax.tree.leaves, (params, after)), strict=True)]
+        assert all(step == 0 for step in moved) if gradient is spoiled else all(step > 1e-3 for step in moved)
+        params = after
+    chex.assert_tree_all_finite((params, state))
 
-    def breaking(state, env_params):  # in its third iteration, where it is to
-        breaks = env_params & (state.iteration == 2)
-        params = jax.tree.map(lambda x: jnp.where(breaks, NAN, x), state.params)
-        return plain.iterate(state.replace(params=params), None)
 
-    iterate = jax.jit(jax.vmap(guarded(plain._replace(iterate=breaking)).iterate))
-    alone = jax.jit(jax.vmap(plain.iterate, in_axes=(0, None)))
-    state = other = jax.vmap(plain.init, in_axes=(0, None))(jax.random.split(jax.random.key(0), 2), None)
-    faults, kept = [], None
-    for _ in range(5):
-        state, metrics = iterate(state, jnp.array([True, False]))
-        other, _ = alone(other, None)
-        faults.append(metrics.fault.tolist())
-        kept = state.params if len(faults) == 2 else kept
-    later = [Fault.PARAMETERS, 0]  # since the optimiser holds NaN by then
-    assert faults == [[0, 0], [0, 0], [Fault.LOSS, 0], later, later]
-    first, second = (jax.tree.map(lambda x, i=i: np.asarray(x)[i], state.params) for i in range(2))
-    chex.assert_trees_all_equal(first, jax.tree.map(lambda x: np.asarray(x)[0], kept))
-    chex.assert_trees_all_equal(second, jax.tree.map(lambda x: np.asarray(x)[1], other.params))
+class Ends(Callback):
+    """Keeps what is noted at the end."""
+
+    def on_end(self, progress):
+        self.notes = dict(progress.notes)
+
+
+def test_a_broken_seed_is_told_once_and_its_iterations_are_counted(monkeypatch, recwarn):
+    def spoiling(*given):
+        agent = fake_agent.make_agent(*given)
+
+        def iterate(state, env_params):
+            after, metrics = agent.iterate(state, env_params)
+            spoiled = (jax.random.key_data(state.key)[-1] % 2 == 0) & (state.iteration >= 1)
+            loss = jnp.where(spoiled, NAN, metrics.scalars["loss"])
+            return after, Metrics(metrics.episodes, metrics.scalars | {"loss": loss})
+
+        return agent._replace(iterate=iterate)
+
+    monkeypatch.setitem(AGENTS._kinds, "fake", Kind(fake_agent.FakeConfig, spoiling))
+    ends = Ends()
+    result = train(replace(CONFIG, frames=800, seeds="4"), callbacks=[ends])
+    broken = np.isnan(result.metrics["loss"])  # [seeds, iterations]
+    told = ends.notes["faults"]
+    assert broken.any() and {seed: entry["iterations"] for seed, entry in told.items()} == {
+        str(seed): int(count) for seed, count in enumerate(broken.sum(axis=1)) if count
+    }
+    for seed, entry in told.items():
+        assert entry["iteration"] == 1 + broken[int(seed)].argmax() and entry["cause"] == CAUSES[Fault.LOSS]
+    assert sum("the loss was not finite" in str(warning.message) for warning in recwarn) == len(told)
+
+
+def test_nothing_is_noted_where_all_is_finite():
+    ends = Ends()
+    train(CONFIG, callbacks=[ends])
+    assert "faults" not in ends.notes
