@@ -17,7 +17,8 @@ def copied(tree: Any, count: int | None = None) -> Any:
 
     def own(x: Any, got: Any) -> np.ndarray:
         shared = not isinstance(x, jax.Array) or any(device.platform == "cpu" for device in x.devices())
-        return _storable(np.array(got[:count], copy=True) if shared else np.asarray(got)[:count])
+        some = np.asarray(got) if count is None else np.asarray(got)[:count]
+        return _storable(np.array(some, copy=True) if shared else some)
 
     plain = _unwrap_keys(tree)
     return jax.tree.map(own, plain, jax.device_get(plain))

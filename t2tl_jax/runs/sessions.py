@@ -90,10 +90,13 @@ def started(experiment: Experiment, folder: Path | None, session: Session, befor
 
 def continued(experiment: Experiment, run: RunFolder, session: Session, before: Before) -> Result:
     """A training from its last checkpoint, or from its start if it has none."""
-    with run_folder.locked(run):
+
+    def resumed() -> None:
         note_resumed(run, session)
         run_folder.write_config(run, experiment.config)
-        return trained(experiment, run, session, before)
+
+    with run_folder.locked(run):
+        return trained(experiment, run, session, before, resumed)
 
 
 def note_resumed(run: RunFolder, session: Session) -> None:
@@ -103,9 +106,19 @@ def note_resumed(run: RunFolder, session: Session) -> None:
     run_folder.write_json(run.versions, versions)
 
 
-def trained(experiment: Experiment, run: RunFolder | None, session: Session, before: Before) -> Result:
-    """A training in a folder that is there and locked, from its last checkpoint if it has one; None for no folder."""
-    return Training(experiment, session.stop, session.callbacks, run, _pretrain(experiment, run, session, before)).run()
+def trained(
+    experiment: Experiment,
+    run: RunFolder | None,
+    session: Session,
+    before: Before,
+    resumed: Callable[[], None] | None = None,
+) -> Result:
+    """A training in a folder that is there and locked, from its last checkpoint if it has one; None for no folder.
+
+    `resumed` is called when it is known that it can go on.
+    """
+    first = _pretrain(experiment, run, session, before)
+    return Training(experiment, session.stop, session.callbacks, run, first, resumed).run()
 
 
 def loaded(experiment: Experiment, run: RunFolder) -> Result:

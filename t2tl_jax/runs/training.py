@@ -54,6 +54,8 @@ class Training:
     """Where the run is kept; None for nowhere."""
     pretrain: Callable[[], Result] | None = None
     """Gives the earlier training whose task encoder a new run starts with; it may take a while."""
+    resumed: Callable[[], None] | None = None
+    """Told when what an earlier session left can be gone on with, before anything of it changes."""
 
     progress: TrainingProgress = field(init=False)
     checkpoints: Checkpoints | None = field(init=False, default=None)
@@ -92,6 +94,8 @@ class Training:
         with ExitStack() as stack:
             files = self._open(stack)
             state = self._restore()
+            if self.resumed is not None:
+                self.resumed()
             callbacks, planned = [self.past, *files, *self.callbacks], []
             try:
                 for callback in callbacks:
@@ -100,7 +104,6 @@ class Training:
                 if not progress.stop:
                     progress.stop = "complete" if progress.done >= config.iterations else self._reason()
                 if not progress.stop:
-                    self._require_replay()
                     compiled, state = self._begin(state)
                     for callback in callbacks:
                         callback.on_start(progress)
@@ -156,6 +159,8 @@ class Training:
         if info.get("watch"):  # the rows of the file are too few to say
             self.success.go_on(info["watch"]["success"])
             self.convergence.go_on(info["watch"]["convergence"])
+        if self.progress.done < config.iterations and not self._reason():
+            self._require_replay()
         return state
 
     def _wanted(self, info: Mapping[str, Any]) -> dict[str, Any]:

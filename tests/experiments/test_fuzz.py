@@ -101,7 +101,7 @@ FORMULAS = [
 
 
 @given(edited(FORMULAS) | st.text(max_size=40) | st.lists(st.sampled_from(PIECES), max_size=25).map(" ".join))
-@examples(220)
+@examples(230)
 def test_formulas(text):
     assert is_polite(*said(show_task, "--max-rows", "2000", "--", text))
 
@@ -231,7 +231,7 @@ def spoil(folder, number, kind, share, byte):
 @pytest.mark.parametrize("command", ["resume", "evaluate"])
 def test_run_folders(finished_run, command):
     @given(damage())
-    @examples(10)
+    @examples(5)
     def one(how):
         with tempfile.TemporaryDirectory() as base:
             folder = Path(shutil.copytree(finished_run, Path(base, "run")))

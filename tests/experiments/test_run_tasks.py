@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from experiments import evaluate, run
-from t2tl_jax.ltl import PAPER_TASKS
+from t2tl_jax.ltl import PAPER_TASKS, ZONE_PROPOSITIONS
 from t2tl_jax.registry import configs, make_env
 from t2tl_jax.runs.pools import make_table
 
@@ -42,6 +42,7 @@ def test_named_tasks_are_open(name, config):
     water = "water" in name
     named = [task for task in PAPER_TASKS if task.startswith("phi_water") == water and not name.startswith("rm")]
     env = make_env(config.env)
+    named = named if water or set(ZONE_PROPOSITIONS) <= set(env.propositions) else []
     for task in (config.task, *named):
         config = dataclasses.replace(config, task=task, task_length=0)
         known = (task, env.propositions, env.alphabet, config.pool, config.progression)

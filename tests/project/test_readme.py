@@ -59,6 +59,7 @@ def commands(page, pattern=r"python3? -m ([\w.]+)"):
 
 
 def flags_of(words):
+    words = words[: words.index("--")] if "--" in words else words  # what follows is another command's
     return [word.partition("=")[0] for word in words if word.startswith("--")]
 
 

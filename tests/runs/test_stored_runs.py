@@ -123,7 +123,9 @@ def test_replay_goes_with_the_end_of_a_run_unless_it_is_to_go_on(train, resume, 
     whole = train("--frames", "400", *plain)
     assert not list(whole.glob("checkpoints/*/replay")) and len(list(whole.glob("checkpoints/*/state"))) == 2
     assert resume(whole, *plain) == 0  # it is complete
+    before = {name: (whole / name).read_bytes() for name in ("config.json", "versions.json", "status.json")}
     assert resume(whole, "--frames", "500", *plain) == 2
+    assert before == {name: (whole / name).read_bytes() for name in before}  # what is refused leaves the run as it was
     assert "its replay is not kept: it can be evaluated, but not trained further" in capsys.readouterr().err
     kept = train("--frames", "300", *plain, "--run.keep-replay", "True")
     assert len(list(kept.glob("checkpoints/*/replay"))) == 2
