@@ -21,7 +21,7 @@ from tests import fake_agent
 def restored(folder):
     """The iteration and the training state of a run's newest checkpoint, keys as their data."""
     with Checkpoints(folder / "checkpoints") as checkpoints:
-        iteration, state = checkpoints.restore(build(open_existing(folder)[1]).program.state)
+        iteration, state = checkpoints.restore(build(open_existing(folder)[1]).program.stored)
     data = jax.tree.map(
         lambda x: jax.random.key_data(x) if jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key) else x, state
     )
