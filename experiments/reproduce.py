@@ -37,7 +37,7 @@ class Arguments:
     and from 0 in WaterWorld, where they are the maps; a list such as 0,3,7 is meant for all."""
     workers: int = 0
     """So many processes for each GPU, or in all without one, that share the runs; 0 does them in this process, one
-    after another on all GPUs. Small runs leave most of a GPU idle: 5 processes do three times as much as one."""
+    after another on all GPUs. Small runs leave most of a GPU idle, so that several processes do more than one."""
     minutes: float = float("inf")
     """Stop after so many minutes, with everything kept; the same command goes on."""
     folder: Path = Path("runs/reproduction")

@@ -2,13 +2,25 @@
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 
 import tests.fake_learner  # noqa: F401
 from experiments import evaluate, run
+from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
+
+
+class StopAfter(Callback):
+    """Ends a training behind an iteration, as somebody would who has seen enough."""
+
+    def __init__(self, iteration: int) -> None:
+        self.iteration = iteration
+
+    def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
+        if progress.done == self.iteration:
+            progress.stop = "enough"
 
 
 @pytest.fixture

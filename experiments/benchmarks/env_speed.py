@@ -1,5 +1,6 @@
 """How fast an environment is: random actions, observation, labels, progression and automatic reset in one scan."""
 
+import itertools
 from dataclasses import dataclass
 
 import jax
@@ -60,9 +61,11 @@ def measure(env: TaskEnv, num_envs: int, steps: int, repeats: int, episode_lengt
 
     program, costs = compiled(lambda: jax.jit(run, donate_argnums=0).lower(episodes, env_params, jax.random.key(0)))
 
+    numbers = itertools.count()
+
     def call() -> jax.Array:
         nonlocal episodes
-        episodes, total = program(episodes, env_params, jax.random.key(0))
+        episodes, total = program(episodes, env_params, jax.random.key(next(numbers)))
         return total
 
     speed = rate(call, num_envs * steps, repeats)

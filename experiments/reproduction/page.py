@@ -19,6 +19,8 @@ where everything is fixed, as in all items here, it has one episode a seed. Curv
 counts with what it came to. Brackets are 95 % intervals: Student's t over seeds for means, Wilson for shares;
 differences are Welch's, or paired where seed k has the same map in both runs, and corrected for the number of
 comparisons of a table, be all of its runs there or not. Seconds are upper bounds: several trainings shared a GPU.
+Runs that were made on different days began with pre-trainings of their own, from the same seeds; a GPU does not repeat
+them exactly, and one of them is stored. Frames before are those of a run's own.
 Values with "±" are as published, a spread that is not said what it is. A claimed ordering is *reproduced* where the
 whole interval of the difference is above zero, *not reproduced* where it is below, else *undecided*."""
 

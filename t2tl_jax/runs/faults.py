@@ -23,9 +23,8 @@ def note(progress: TrainingProgress, faults: np.ndarray) -> None:
         first, last = (progress.done - 1) * frames, progress.done * frames
         known[str(seed)] = {"iteration": progress.done, "frames": last, "cause": cause, "iterations": 1}
         warnings.warn(
-            f"seed {seed}, iteration {progress.done:,} (frames {first:,} to {last:,}): {cause}. Gradient steps that "
-            "are not finite are left out, so its parameters stay what they were; the other seeds go on. status.json "
-            "counts such iterations",
+            f"seed {seed}, iteration {progress.done:,} (frames {first:,} to {last:,}): {cause}. PPO and DQN leave out "
+            "gradient steps that are not finite; the other seeds do not notice. status.json counts such iterations",
             Note,
             stacklevel=2,
         )

@@ -1,8 +1,8 @@
 """Numbers that are not finite: noticed inside the compiled program, and named with their cause.
 
 What keeps them out of the parameters is the optimiser (`only_finite`): a gradient step whose gradient is not finite
-changes nothing. A seed whose environments or losses stay broken therefore keeps the parameters that it had, and the
-seeds beside it do not notice.
+changes no parameter. A seed whose losses stay broken therefore keeps the parameters that it had, and the seeds beside
+it do not notice. A learner with an optimiser of its own has to see to that itself; what is not finite is told of any.
 """
 
 from collections.abc import Mapping

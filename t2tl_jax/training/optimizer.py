@@ -54,7 +54,7 @@ def clipped_adam(
         epsilon: of Adam.
         task_encoder_learning_rate: step size of the task encoder's parameters; None for the same.
         freeze_task_encoder: leave the task encoder alone, whose gradient is 0 then. Adam would not move it either, but
-            go through its many small arrays at every step, which takes as long as all the rest.
+            go through its many small arrays at every step.
     """
 
     def adam(rate: float | jax.Array) -> optax.GradientTransformation:

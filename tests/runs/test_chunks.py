@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 
 import tests.fake_learner  # noqa: F401
-from t2tl_jax import Callback, resume, train
+from t2tl_jax import resume, train
 from t2tl_jax.errors import Note
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import chunks
+from tests.fake_runs import StopAfter
 from tests.runs.test_stored_runs import restored
-
-
-class Stop(Callback):
-    def on_iteration(self, progress, rows):
-        progress.stop = "enough" if progress.done == 2 else ""
 
 
 def five_seeds(at_once=0):
@@ -39,7 +35,7 @@ def test_groups_train_what_all_seeds_together_do(tmp_path, monkeypatch):
     """As asked for, as memory demands, and after an interruption, bit for bit in the last case."""
     together = train(five_seeds(), folder=tmp_path / "together")
     asked = train(five_seeds(at_once=2), folder=tmp_path / "asked")  # the last group is filled up
-    train(five_seeds(at_once=2), folder=tmp_path / "stopped", callbacks=[Stop()])
+    train(five_seeds(at_once=2), folder=tmp_path / "stopped", callbacks=[StopAfter(2)])
     resume(tmp_path / "stopped")
     for name in ("metrics.csv", "checkpoints/4/info/metadata"):
         assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "asked" / name).read_bytes()

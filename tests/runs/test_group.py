@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import t2tl_jax
-from t2tl_jax import Callback, UserError
+from t2tl_jax import UserError
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.runs import group_split
 from t2tl_jax.runs.config import RunConfig, SelectionConfig
 from t2tl_jax.runs.group import group_folder, make_group, same_program, train_group
 from tests.fake_learner import CONFIG, FakeConfig
+from tests.fake_runs import StopAfter
 from tests.probe import ProbeEnv
 from tests.training.test_numbers import DQN, PPO
 
@@ -32,15 +33,6 @@ RATES = (1e-2, 5e-2)
 def runs_in(folder):
     """Two configurations of one program, by the folders of their runs."""
     return {folder / f"rate={rate}": replace(CONFIG, learner=FakeConfig(rate=rate)) for rate in RATES}
-
-
-class StopAfter(Callback):
-    def __init__(self, iteration):
-        self._iteration = iteration
-
-    def on_iteration(self, progress, rows):
-        if progress.done == self._iteration:
-            progress.stop = "enough"
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,7 @@ from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.types import TaskTotals
 from t2tl_jax.training.unroll import Player, begin, task_totals, unroll
 from tests import fake_agent, fake_learner
+from tests.fake_runs import StopAfter
 
 ONE, NONE = (1, 1), (0, 0)
 FIRST = Stage(Chains(ONE, ONE, NONE), 0.6, "least", 0.5)
@@ -171,15 +172,6 @@ def test_a_resumed_run_is_the_uninterrupted_one(tmp_path):
         assert part.metrics["stage"].shape[1] == stop
         t2tl_jax.resume(tmp_path / str(stop))
         assert (tmp_path / str(stop) / "metrics.csv").read_text() == (tmp_path / "whole" / "metrics.csv").read_text()
-
-
-class StopAfter(t2tl_jax.Callback):
-    def __init__(self, iterations):
-        self.iterations = iterations
-
-    def on_iteration(self, progress, rows):
-        if progress.done == self.iterations:
-            progress.stop = "enough"
 
 
 def test_a_curriculum_is_stored_and_what_cannot_be_is_refused():

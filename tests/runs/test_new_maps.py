@@ -14,6 +14,7 @@ from envs.zones import OPEN, ZoneConfig, ZoneEnv
 from t2tl_jax.registry import AGENTS, ENVS
 from t2tl_jax.runs.experiment import build
 from tests import fake_agent, fake_learner
+from tests.fake_runs import StopAfter
 
 PERIOD = 3
 
@@ -76,15 +77,6 @@ def test_maps_are_renewed_after_every_period(tmp_path):
     assert part.metrics["maps"].shape[1] == 5
     resumed = t2tl_jax.resume(tmp_path / "part")
     np.testing.assert_array_equal(resumed.metrics["maps"], expected)
-
-
-class StopAfter(t2tl_jax.Callback):
-    def __init__(self, iterations):
-        self.iterations = iterations
-
-    def on_iteration(self, progress, rows):
-        if progress.done == self.iterations:
-            progress.stop = "enough"
 
 
 def test_zero_keeps_the_first_maps():

@@ -12,6 +12,7 @@ from t2tl_jax.runs.config import SelectionConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.runs.selection import Scores, Selected, Selection
 from tests import fake_learner
+from tests.fake_runs import StopAfter
 
 pytestmark = pytest.mark.slow  # nearly every test compiles a training or an evaluation
 
@@ -103,17 +104,6 @@ def scored(monkeypatch):
     return asked
 
 
-class Stop(t2tl_jax.Callback):
-    """Ends a training behind an iteration."""
-
-    def __init__(self, at):
-        self.at = at
-
-    def on_iteration(self, progress, rows):
-        if progress.done == self.at:
-            progress.stop = "enough"
-
-
 def same(one, other):
     jax.tree.map(np.testing.assert_array_equal, one, other)
 
@@ -123,7 +113,7 @@ def test_an_interrupted_run_goes_on_to_what_an_uninterrupted_one_selects(scored,
     assert len(scored) == 6  # iterations 7 to 12
     assert any((a != b).any() for a, b in zip(*map(jax.tree.leaves, whole.params.values()), strict=True))
 
-    stopped = t2tl_jax.train(config(12), folder=tmp_path / "run", callbacks=[Stop(9)])
+    stopped = t2tl_jax.train(config(12), folder=tmp_path / "run", callbacks=[StopAfter(9)])
     same(t2tl_jax.load(tmp_path / "run").params, stopped.params)
     same(t2tl_jax.resume(tmp_path / "run").params, whole.params)
     same(t2tl_jax.load(tmp_path / "run").params, whole.params)
@@ -131,7 +121,7 @@ def test_an_interrupted_run_goes_on_to_what_an_uninterrupted_one_selects(scored,
 
 def test_a_run_that_ends_early_counts_its_last_parameters_for_itself_only(scored, tmp_path):
     wide = dataclasses.replace(config(40), selection=SelectionConfig(points=2))  # after 30 and 40
-    stopped = t2tl_jax.train(wide, folder=tmp_path / "run", callbacks=[Stop(33)])
+    stopped = t2tl_jax.train(wide, folder=tmp_path / "run", callbacks=[StopAfter(33)])
     assert len(scored) == 2  # after 30 and 33
     same(t2tl_jax.load(tmp_path / "run").params, stopped.params)
     whole = t2tl_jax.train(wide)
