@@ -9,7 +9,7 @@ from typing import Any
 
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import UserError, explained, unknown
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
@@ -60,8 +60,10 @@ def apply(config: Config, name: str) -> Config:
     pre-training there is no context.
 
     Raises:
-        UserError: for a learner that is not one of the paper's.
+        UserError: for a method that is not known, or a learner that is not one of the paper's.
     """
+    if name not in METHODS:
+        raise unknown("method", name, METHODS)
     method = METHODS[name]
     learner: Any = config.learner
     if not isinstance(learner, PPOConfig | DQNConfig):

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Literal
 
 from experiments.cli.errors import guarded
-from t2tl_jax.errors import UserError, explained, unknown
+from t2tl_jax.errors import UserError, explained
 from t2tl_jax.flags import parse
+from t2tl_jax.names import nearest
 from t2tl_jax.quiet import quiet_imports
 
 ROOT = Path(__file__).parents[1]
@@ -76,7 +77,8 @@ def _main(texts: Sequence[str]) -> int:
     chosen = [name.strip() for name in arguments.only.split(",") if name.strip()] or list(ITEMS)
     for name in chosen:
         if name not in ITEMS and name not in runs:
-            raise unknown("item", name, ITEMS)
+            close = nearest(name, [*ITEMS, *runs])
+            raise UserError(f"unknown item or run {name!r}; did you mean {close!r}? --list True shows all of them")
     names = [run for name in chosen for run in (ITEMS[name].names(arguments.scale) if name in ITEMS else [name])]
     items = {name: item for name, item in ITEMS.items() if name in chosen or not set(names).isdisjoint(item.runs)}
     if arguments.list:

@@ -71,6 +71,8 @@ def test_a_file_that_is_none_is_refused_before_anything_is_timed(content, tmp_pa
     ("flags", "said"),
     [
         (["--trainings", "zone_pp"], "zone_ppo"),
+        (["--trainings", "zone_ppo:t2t"], "did you mean 't2tl'"),
+        (["--trainings", "zone_ppo:t2tl:mjy"], "mjx"),
         (["--trainings", "zone_ppo:t1tl:mjx:x"], "CONFIG:METHOD:PHYSICS"),
         (["--trainings", "waterworld_dqn:rm:mjx"], "no choice of physics"),
         (["--seeds", "0"], "at least 1"),
