@@ -39,7 +39,7 @@ def _forces(along: jax.Array, aside: jax.Array, turn: jax.Array, action: jax.Arr
     )
 
 
-def _solve(forces: tuple[jax.Array, ...], timestep: float) -> tuple[jax.Array, ...]:
+def solve(forces: tuple[jax.Array, ...], timestep: float) -> tuple[jax.Array, ...]:
     """Body-frame accelerations: (M + timestep D)^-1 forces. ``timestep`` 0 gives the plain forward dynamics."""
     mass = MASS + timestep * SLIDE_DAMPING
     inertia = INERTIA + timestep * HINGE_DAMPING
@@ -103,7 +103,7 @@ class ClosedFormPoint:
         def substep(carry: tuple[jax.Array, ...], _: None) -> tuple[tuple[jax.Array, ...], None]:
             x, y, heading, vx, vy, turn, cos, sin = carry
             along, aside = cos * vx + sin * vy, cos * vy - sin * vx
-            d_along, d_aside, d_turn = _solve(_forces(along, aside, turn, action), TIMESTEP)
+            d_along, d_aside, d_turn = solve(_forces(along, aside, turn, action), TIMESTEP)
             along, aside, turn = along + TIMESTEP * d_along, aside + TIMESTEP * d_aside, turn + TIMESTEP * d_turn
             vx, vy = cos * along - sin * aside, sin * along + cos * aside
             x, y, heading = x + TIMESTEP * vx, y + TIMESTEP * vy, heading + TIMESTEP * turn
@@ -128,7 +128,7 @@ class ClosedFormPoint:
         cos, sin = jnp.cos(state.qpos[2]), jnp.sin(state.qpos[2])
         vx, vy, turn = state.qvel
         forces = _forces(cos * vx + sin * vy, cos * vy - sin * vx, turn, clip_action(action))
-        along, aside, _ = _solve(forces, 0.0)
+        along, aside, _ = solve(forces, 0.0)
         return jnp.stack([along, aside])
 
     def step_and_acceleration(self, state: PointState, action: jax.Array) -> tuple[PointState, jax.Array]:

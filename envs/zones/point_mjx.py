@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import mujoco
 from mujoco import mjx
 
-from envs.zones.point_robot import SUBSTEPS, PointState, clip_action
+from envs.zones.point_closed_form import solve
+from envs.zones.point_robot import SUBSTEPS, TIMESTEP, PointState, clip_action
 
 MODEL_FILE = Path(__file__).with_name("point.xml")
 """The MuJoCo model; its slide axes are world axes, so ``qpos`` is the robot's position and heading as they are."""
@@ -61,10 +62,17 @@ class MjxPoint:
         return before_last, _in_body_frame(acceleration, before_last)
 
     def _substep(self, state: PointState, action: jax.Array) -> tuple[PointState, jax.Array]:
-        """The motion 2 ms later, and ``float32[3]``, the acceleration of ``qpos`` before it."""
-        data = mjx.step(self._model, self._data(state, action))
-        after = PointState(qpos=data.qpos.astype(jnp.float32), qvel=data.qvel.astype(jnp.float32))
-        return after, data.qacc.astype(jnp.float32)
+        """The motion 2 ms later, and ``float32[3]``, the acceleration of ``qpos`` before it.
+
+        MJX finds the forces, contacts included. Its semi-implicit Euler step is done here, as in the closed form: MJX
+        factors the 3 x 3 matrix again for it, in a sixth of the small operations for which a GPU waits in a substep.
+        """
+        data = mjx.forward(self._model, self._data(state, action))
+        fx, fy, torque = (data.qfrc_smooth + data.qfrc_constraint).astype(jnp.float32)
+        cos, sin = jnp.cos(state.qpos[2]), jnp.sin(state.qpos[2])
+        along, aside, turn = solve((cos * fx + sin * fy, cos * fy - sin * fx, torque), TIMESTEP)
+        qvel = state.qvel + TIMESTEP * jnp.stack([cos * along - sin * aside, sin * along + cos * aside, turn])
+        return PointState(qpos=state.qpos + TIMESTEP * qvel, qvel=qvel), data.qacc.astype(jnp.float32)
 
     def _data(self, state: PointState, action: jax.Array) -> mjx.Data:
         """MJX's state for the given motion and control."""
