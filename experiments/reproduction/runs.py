@@ -42,6 +42,9 @@ AGENTS = tuple(f"zone-{method}" for method in ZONE_METHODS) + tuple(f"water-{met
 ALONE = "1"
 """One seed is enough for a run whose time is taken."""
 
+TIMED = 10
+"""A run whose time is taken does one frame in so many: every iteration of a training takes the same time."""
+
 MAPS = "1,2,3,4,5,6,7,8,9,10"
 """The maps of the reward-machine benchmark, which its seeds are."""
 
@@ -81,7 +84,7 @@ def _zone(runs: dict[str, Run]) -> dict[str, Run]:
         before = _pretraining(new, "zone", config)
         new[f"zone-{method}"] = Run(config, before)
         alone = None if before is None else _alone(new, before)
-        new[f"zone-{method}-alone"] = Run(config, alone, seeds=ALONE, evaluated=False, alone=True)
+        new[f"zone-{method}-alone"] = _timed(config, alone)
     return new
 
 
@@ -122,7 +125,7 @@ def _water(runs: dict[str, Run]) -> dict[str, Run]:
         before = _pretraining(new, "water", config)
         new[f"water-{method}"] = Run(config, before)
         alone = None if before is None else _alone(new, before)
-        new[f"water-{method}-alone"] = Run(config, alone, seeds=ALONE, evaluated=False, alone=True)
+        new[f"water-{method}-alone"] = _timed(config, alone)
     return new
 
 
@@ -218,6 +221,11 @@ def _pretraining(
         before = pretraining.matching(wanted, ENVS.maker(config.env)(config.env))
         new[name] = Run(before, evaluated=False)
     return name
+
+
+def _timed(config: Config, before: str | None) -> Run:
+    """The beginning of a training, for its time: one seed with the device to itself."""
+    return Run(replace(config, frames=config.frames // TIMED), before, seeds=ALONE, evaluated=False, alone=True)
 
 
 def _alone(new: dict[str, Run], before: str) -> str:

@@ -16,7 +16,7 @@ from experiments import reproduce, tuning
 from experiments.reproduction import claims, items, locks, measures, representations, stored, work
 from experiments.reproduction.page import SMOKE, page
 from experiments.reproduction.plan import Item, Run, Scale, cost
-from experiments.reproduction.runs import AGENTS, MAPS, all_runs
+from experiments.reproduction.runs import AGENTS, MAPS, TIMED, all_runs
 from experiments.reproduction.sections import unit_time
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
@@ -174,6 +174,8 @@ def test_timed_runs_are_those_of_one_seed_and_start_from_such(runs):
     for name in timed:
         assert len(parse_seeds(Scale("full", "12").apply(runs[name]).seeds)) == 1
         assert runs[name].before is None or runs[name].before in timed
+        whole = runs[name.removesuffix("-alone")].config
+        assert runs[name].config.frames * (1 if "pretraining" in name else TIMED) == whole.frames
     assert all(run.before not in timed for name, run in runs.items() if name not in timed)
 
 

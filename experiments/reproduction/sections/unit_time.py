@@ -1,7 +1,7 @@
 """The table of reward per unit time."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -36,10 +36,11 @@ READERS = {"t2tl": "transformer", "t1tl": "transformer", "gnn": "gnn"}
 """Which pre-training a method starts from."""
 
 NOTE = """The published unit is not known (the paper's R_i cannot be what its curves show), so only orders compare: that
-of the printed values, every two of a world, though most of their printed spreads overlap. The time of a method is one
-number, of one seed alone on the device, so intervals and outcomes tell of the seeds' rewards alone and not of how that
-time would vary. Outcomes are without compiling, which the published program has none of. Pre-training and training
-compile side by side in use; here their seconds are added."""
+of the printed values, every two of a world, though most of their printed spreads overlap. The time of a method
+is one number, of one seed alone on the device, so intervals and outcomes tell of the seeds' rewards alone and
+not of how that time would vary. It is taken over the frames of the column "timed"; that of the whole training
+is the same for each frame, and pre-training is timed whole. Outcomes are without compiling, which the published
+program has none of. Pre-training and training compile side by side in use; here their seconds are added."""
 
 
 def unit_time(runs: Mapping[str, Stored]) -> str:
@@ -50,7 +51,7 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
         alone = alone_with_pretraining(runs, world, method)
         if not alone:
             continue
-        seconds = sum(one.train_seconds for one in alone)
+        seconds = whole_seconds(run, alone)
         compiling = sum(one.compile_seconds for one in alone)
         rewards = reward_sum(run)
         rates[name] = per_minute(rewards, seconds)
@@ -59,6 +60,7 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
             (
                 name,
                 text(rewards, 0),
+                f"{run.frames + sum(one.frames for one in alone[1:]):,}",
                 f"{sum(one.frames for one in alone):,}",
                 f"{seconds:.0f} s",
                 f"{compiling:.0f} s",
@@ -73,6 +75,7 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
         "run",
         "sum of rewards",
         "frames, with pre-training",
+        "timed",
         "time of one seed alone",
         "compile",
         "per minute",
@@ -104,8 +107,14 @@ def per_minute(rewards: Mapping[int, float], seconds: float) -> dict[int, float]
     return {seed: 60 * reward / seconds for seed, reward in rewards.items()}
 
 
+def whole_seconds(run: Stored, alone: Sequence[Stored]) -> float:
+    """Seconds of a training and its pre-training for one seed, from the beginning of the one and all of the other."""
+    timed, *before = alone
+    return timed.train_seconds * run.frames / timed.frames + sum(one.train_seconds for one in before)
+
+
 def alone_with_pretraining(runs: Mapping[str, Stored], world: str, method: str) -> list[Stored]:
-    """The run of one seed alone and, if it starts from one, its pre-training; empty unless all of it is there."""
+    """The timed run of one seed alone and, if it starts from one, its pre-training; empty unless all of it is there."""
     names = [f"{world}-{method}-alone"]
     if method in READERS:
         names.append(f"{world}-pretraining-{READERS[method]}-alone")
