@@ -3,10 +3,11 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from t2tl_jax.errors import UserError, explained
 from t2tl_jax.registry import configs
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.differences import differences
-from t2tl_jax.training.seeds import FIRST_TUNING_SEED
+from t2tl_jax.training.seeds import FIRST_TUNING_SEED, parse_seeds
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,31 @@ def tuning_seeds(config: Config, seeds: Iterable[int]) -> list[int]:
     """Those of a run's seeds that settings were chosen on, or are kept for that."""
     tuned = TUNED.get(nearest(config), Tuning("", ())).seeds
     return [seed for seed in seeds if seed >= FIRST_TUNING_SEED or seed in tuned]
+
+
+def for_search(text: str) -> str:
+    """The seeds of a search: ``4`` means the first four that are kept for tuning; a list must be of such seeds.
+
+    Raises:
+        UserError: for seeds that results are reported on.
+    """
+    with explained():
+        seeds = parse_seeds(text)
+    if text.strip().isdigit():
+        seeds = tuple(FIRST_TUNING_SEED + seed for seed in seeds)
+    if reported := [seed for seed in seeds if seed < FIRST_TUNING_SEED]:
+        raise UserError(
+            f"--seeds {text}: a search trains on seeds from {FIRST_TUNING_SEED} on, and results are reported on those "
+            f"below, such as {reported[0]}; --seeds 4 means {FIRST_TUNING_SEED} to {FIRST_TUNING_SEED + 3} here"
+        )
+    return ",".join(map(str, seeds)) + ","
+
+
+def for_report(config: Config, count: int = 12) -> str:
+    """Seeds that results of a configuration may be reported on, as a flag takes them."""
+    below = range(FIRST_TUNING_SEED)
+    used = tuning_seeds(config, below)
+    return ",".join([str(seed) for seed in below if seed not in used][:count])
 
 
 def mixture(runs: Mapping[str, tuple[Config, Sequence[int]]]) -> str:

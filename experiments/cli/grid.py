@@ -48,6 +48,8 @@ class Point:
     """What the grid chose, such as ``learning-rate=1e-4,method=t1tl``."""
     config: Config
     """The configuration."""
+    words: tuple[str, ...] = ()
+    """The flags that choose it, after those of all points."""
 
     @property
     def folder(self) -> str:
@@ -93,16 +95,16 @@ def points(axes: Sequence[Axis], asked: request.Request, prog: str) -> list[Poin
         if methods and methods[0] not in METHODS:
             raise unknown(METHOD, methods[0], METHODS)
         base, _ = request.configuration(start, "", prog)
-        words = list(asked.rest)
+        own: list[str] = []
         for axis, value in chosen.items():
             if axis.field != METHOD:
-                words += [f"--{axis.flag}", *_words(_checked(base, axis.field), value)]
-        config, _ = request.configuration(dataclasses.replace(start, rest=tuple(words)), "", prog)
+                own += [f"--{axis.flag}", *_words(_checked(base, axis.field), value)]
+        config, _ = request.configuration(dataclasses.replace(start, rest=(*asked.rest, *own)), "", prog)
         label = ",".join(f"{_short(axis, axes)}={value}" for axis, value in chosen.items())
         for other in found:
             if other.config == config:
                 raise UserError(f"--grid: {label} is the same configuration as {other.label}; give every value once")
-        found.append(Point(label, config))
+        found.append(Point(label, config, (*(("--method", *methods) if methods else ()), *own)))
     return found
 
 
@@ -140,9 +142,7 @@ def _checked(config: Config, field: str) -> Any:
     near = nearest(field, numbers, cutoff=0.6) or nearest(field, [*can, METHOD])
     if field not in known:
         reason = "this configuration has no such field"
-    raise UserError(
-        f"--grid {flag}: it cannot be swept: {reason}; the nearest field that can is {near.replace('_', '-')}"
-    )
+    raise UserError(f"{flag}: it cannot be swept: {reason}; the nearest field that can is {near.replace('_', '-')}")
 
 
 def _words(value: Any, text: str) -> list[str]:

@@ -149,16 +149,16 @@ def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[A
     hints = typing.get_type_hints(type(config))
     for field in dataclasses.fields(config):
         value, flag = getattr(config, field.name), prefix + field.name.replace("_", "-")
-        place, word = _find(arguments, flag)
+        place, word = find(arguments, flag)
         if word is not None and hints[field.name] == str | TaskFamily:
-            value, arguments = named_families().get(word, word), _without(arguments, place)
+            value, arguments = named_families().get(word, word), without(arguments, place)
             changes[field.name] = value
         if not dataclasses.is_dataclass(value):
             continue
         if word is not None and hints[field.name] in REGISTRIES:
-            value, arguments = REGISTRIES[hints[field.name]].config_class(word)(), _without(arguments, place)
+            value, arguments = REGISTRIES[hints[field.name]].config_class(word)(), without(arguments, place)
         elif word == "None" and type(None) in get_args(hints[field.name]):
-            changes[field.name], arguments = None, _without(arguments, place)
+            changes[field.name], arguments = None, without(arguments, place)
             continue
         changes[field.name], arguments = with_parts(value, arguments, flag + ".")
     changed = copy.copy(config)
@@ -173,7 +173,7 @@ def _checked(config: Any) -> Any:
     return type(config)(**{name: _checked(x) if dataclasses.is_dataclass(x) else x for name, x in values.items()})
 
 
-def _find(arguments: Sequence[str], flag: str) -> tuple[slice, str | None]:
+def find(arguments: Sequence[str], flag: str) -> tuple[slice, str | None]:
     """Where the arguments say ``--flag WORD`` or ``--flag=WORD``, and the word; underscores count as hyphens."""
     for i, argument in enumerate(arguments):
         name, equals, value = argument.partition("=")
@@ -185,5 +185,6 @@ def _find(arguments: Sequence[str], flag: str) -> tuple[slice, str | None]:
     return slice(0), None
 
 
-def _without(arguments: list[str], place: slice) -> list[str]:
+def without(arguments: list[str], place: slice) -> list[str]:
+    """The arguments but for those at a place, as `find` gives it."""
     return arguments[: place.start] + arguments[place.stop :]

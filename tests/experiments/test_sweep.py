@@ -8,6 +8,7 @@ import pytest
 import tests.fake_learner  # noqa: F401, the configuration `fake`
 from experiments import compare, evaluate, sweep
 from experiments.cli import grid, request
+from experiments.sweeps import work
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
 
@@ -26,7 +27,7 @@ def test_a_grid_is_the_product_of_its_axes():
     ]
     assert [point.config.learner.learning_rate for point in found] == [1e-4, 1e-4, 3e-4, 3e-4]
     assert all(point.config.learner.network.context is None for point in found)
-    assert [len(group) for group in sweep._groups({Path(p.folder): p.config for p in found})] == [2, 2]
+    assert [len(group) for group in work.programs({Path(p.folder): p.config for p in found})] == [2, 2]
 
 
 def test_values_are_those_of_the_flags():

@@ -1,0 +1,91 @@
+"""What a command line of ``python -m experiments.sweep`` asks for."""
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from t2tl_jax.errors import UserError
+from t2tl_jax.quiet import quiet_imports
+
+PROG = "python -m experiments.sweep"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a command line asks for."""
+
+    name: str
+    """Of the configuration."""
+    config: Any
+    """The configuration that all points start from; its seeds are those of all points."""
+    asked: Any
+    """The flags that chose it (`request.Request`)."""
+    rest: Sequence[str]
+    """The words of the command but for those of the sweep itself."""
+    base: Path
+    """Where the runs lie."""
+    axes: Sequence[Any]
+    """Of the grid (`grid.Axis`)."""
+    points: Sequence[Any]
+    """Those of the grid (`grid.Point`), in order."""
+    trials: int
+    """Of a search; 0 for a grid."""
+    space: Sequence[Any]
+    """What a search varies (`space.Dimension`)."""
+    batch: int
+    """Trials that are proposed at a time."""
+    search_seed: int
+    """Of the proposals."""
+
+
+def read(texts: Sequence[str]) -> Plan:
+    """What the command line asks for.
+
+    Raises:
+        UserError: for anything that cannot be used.
+    """
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    parser.add_argument("--grid", action="append", default=[])
+    parser.add_argument("--space", action="append", default=[])
+    parser.add_argument("--search", type=int)
+    parser.add_argument("--batch", type=int, default=8)
+    parser.add_argument("--search-seed", type=int, default=0)
+    parser.add_argument("--folder", type=Path)
+    try:
+        own, rest = parser.parse_known_args(texts)
+    except argparse.ArgumentError as error:
+        raise UserError(f"{error}; see --help") from error
+    with quiet_imports():
+        from experiments import tuning
+        from experiments.cli import grid, request
+        from experiments.sweeps import space
+
+    searches = own.search is not None
+    if own.grid if searches else own.space:
+        raise UserError("a grid has --grid alone, and a search both --search TRIALS and --space FIELD=RANGE")
+    for flag, number, least in (
+        ("search", own.search, 1),
+        ("batch", own.batch, 1),
+        ("search-seed", own.search_seed, 0),
+    ):
+        if number is not None and number < least:
+            raise UserError(f"--{flag} takes a whole number from {least} on, got {number}")
+    asked = request.read(rest)
+    if asked.resume is not None or asked.show_list or not (own.space if searches else own.grid):
+        wanted = "--space FIELD=RANGE" if searches else "--grid FIELD=VALUE,VALUE"
+        raise UserError(f"a sweep takes --config NAME and at least one {wanted}; see {PROG} --help")
+    config, name = request.configuration(asked, "", PROG)
+    if searches:
+        config = dataclasses.replace(config, seeds=tuning.for_search(config.seeds))
+    base = own.folder or Path(config.run.folder) / f"{name}_{'search' if searches else 'sweep'}"
+    axes = grid.read_axes(own.grid)
+    dimensions = space.check(space.read(own.space), config.seeds, asked, PROG) if searches else ()
+    points = () if searches else grid.points(axes, asked, PROG)
+    return Plan(
+        *(name, config, asked, rest, base.expanduser(), axes, points, own.search or 0, dimensions),
+        batch=own.batch,
+        search_seed=own.search_seed,
+    )

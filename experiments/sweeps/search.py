@@ -1,0 +1,144 @@
+"""A search for settings: Optuna proposes them in batches, which train side by side, and is told what they came to.
+
+What was proposed and told lies in the folder of the search, one JSON object a line. A proposal depends on what was told
+before, on the number of the trial and on the seed of the search, so that a search goes on as if it had never stopped.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.sweeps.space import Dimension
+from t2tl_jax.errors import UserError
+from t2tl_jax.runs.folder import writing
+
+FILE = "search.jsonl"
+"""Optuna's journal."""
+
+NAME, CONTENT = "search", "search"
+"""Of the study, and of its attribute that says what is searched."""
+
+RANDOM_FIRST = 16
+"""Trials that are drawn at random, before Optuna's model has something to go by."""
+
+WORST = -1.0
+"""What a seed counts whose training failed, or in which no episode ended: the lowest discounted return."""
+
+
+def worth(returns: np.ndarray) -> float:
+    """What a trial is told to be worth: the mean over its seeds of the discounted return at the end."""
+    return float(np.where(np.isfinite(returns), returns, WORST).mean())
+
+
+class Search:
+    """The trials of a search, numbered from 0, on disk."""
+
+    def __init__(self, base: Path, dimensions: Sequence[Dimension], seed: int, content: Mapping[str, Any]) -> None:
+        """Begin a search, or go on with the one that the folder holds.
+
+        Args:
+            base: the folder.
+            dimensions: what is searched, of `space.check`.
+            seed: of the proposals.
+            content: what makes it the same search, as JSON.
+
+        Raises:
+            UserError: if Optuna is not there, or the folder holds another search or a damaged one.
+        """
+        try:
+            import optuna
+        except ModuleNotFoundError as error:
+            raise UserError("a search needs Optuna: pip install 't2tl_jax[search]'") from error
+        optuna.logging.set_verbosity(optuna.logging.WARNING)
+        self._optuna, self._dimensions, self._seed = optuna, dimensions, seed
+        self._file = base / FILE
+        base.mkdir(parents=True, exist_ok=True)
+        with writing(self._file):
+            _cut_unfinished_line(self._file)
+            self._study = self._opened()
+            known = self._study.user_attrs.get(CONTENT)
+            if known is None:
+                self._study.set_user_attr(CONTENT, known := dict(content))
+        if known != content:
+            differ = sorted(name for name in content if not isinstance(known, dict) or known.get(name) != content[name])
+            raise UserError(f"{base} holds a search that differs in {', '.join(differ)}; take another --folder")
+
+    def _opened(self) -> Any:
+        from optuna.storages.journal import JournalFileBackend, JournalStorage
+
+        try:
+            # Of Optuna's storages the one that is plain text: what it reads are numbers and names, never code.
+            storage = JournalStorage(JournalFileBackend(str(self._file)))
+            return self._optuna.create_study(
+                storage=storage, study_name=NAME, direction="maximize", load_if_exists=True
+            )
+        except OSError:
+            raise
+        except Exception as error:  # of any kind, by what is wrong with the file
+            raise UserError(
+                f"cannot read {self._file}: {error}; bring back a copy, or take another --folder"
+            ) from error
+
+    @property
+    def values(self) -> dict[int, float]:
+        """What every trial that has been told is worth."""
+        return {trial.number: trial.value for trial in self._study.trials if trial.value is not None}
+
+    def texts(self, number: int) -> dict[str, str]:
+        """The setting of a trial as texts of flags, by field; it is proposed if it is the next one.
+
+        Raises:
+            UserError: for what lies outside of the space, or cannot be written.
+        """
+        trials = self._study.trials
+        if number > len(trials):
+            raise UserError(f"{self._file} has no trial {number}; the first {len(trials)} are proposed")
+        params = trials[number].params if number < len(trials) else self._proposed(number)
+        if set(params) != {dimension.field for dimension in self._dimensions}:
+            raise UserError(f"cannot read {self._file}: trial {number} has other fields than the space")
+        return {dimension.field: dimension.in_words(params[dimension.field]) for dimension in self._dimensions}
+
+    def _proposed(self, number: int) -> dict[str, Any]:
+        """A new trial: proposed in memory, and then written in one line, so that it is on disk whole or not at all."""
+        optuna = self._optuna
+        seed = int(np.random.SeedSequence([self._seed, number]).generate_state(1)[0])
+        sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=RANDOM_FIRST)
+        memory = optuna.create_study(direction="maximize", sampler=sampler)
+        memory.add_trials(self._study.trials)
+        trial = memory.ask()
+        for dimension in self._dimensions:
+            _suggest(trial, dimension)
+        running = optuna.trial.create_trial(
+            state=optuna.trial.TrialState.RUNNING, params=trial.params, distributions=trial.distributions
+        )
+        with writing(self._file):
+            self._study.add_trial(running)
+        return trial.params
+
+    def tell(self, number: int, value: float) -> None:
+        """What a trial came to."""
+        with writing(self._file):
+            self._study.tell(number, value, skip_if_finished=True)
+
+
+def _suggest(trial: Any, dimension: Dimension) -> None:
+    """Let a trial have a value of a dimension."""
+    if not dimension.is_range:
+        trial.suggest_categorical(dimension.field, dimension.axis.values)
+        return
+    low, high = dimension.ends
+    if dimension.whole:
+        trial.suggest_int(dimension.field, int(low), int(high), log=dimension.log)
+    else:
+        trial.suggest_float(dimension.field, low, high, log=dimension.log)
+
+
+def _cut_unfinished_line(file: Path) -> None:
+    """Drop what a killed process left of a line, which would spoil the next one."""
+    if not file.is_file():
+        return
+    with open(file, "rb+") as journal:
+        content = journal.read()
+        journal.truncate(content.rfind(b"\n") + 1)
