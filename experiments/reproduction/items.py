@@ -101,6 +101,11 @@ ITEMS: dict[str, Item] = {
         ("water-rm", *_ONE_HOT_PIECES),
         ablation(_with_each("water-rm", _ONE_HOT_PIECES), "success_rate", claims=[("water-rm", "water-dfa")]),
     ),
+    "water-beginning": Item(
+        "WaterWorld's first episodes, which score less than the published ones",
+        named.BEGINNING,
+        figures.water_beginning,
+    ),
     "pretraining-zone": Item(
         "Pre-training in ZoneEnv: none, on the task, on random formulas",
         tuple(f"zone-{method}-pre-{kind}" for method in ("t2tl", "t1tl", "gnn") for kind in ("none", "own", "random")),

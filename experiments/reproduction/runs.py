@@ -29,12 +29,20 @@ WIDTHS = (8, 16, 32)
 PER_16 = {"num_envs": 16, "unroll_length": 500, "batch_size": 512, "target_period": 100, "learning_rate": 1e-4}
 """One gradient step after every 16 steps of the environment, where the default makes one after 128."""
 
+SHORT_EXPLORATION = PER_16 | {"epsilon_fraction": 0.01}
+"""The same with exploration that fades within the first 25,000 frames instead of 125,000."""
+
 EVERY_STEP = PER_16 | {"updates_per_step": 16, "batch_size": 32, "target_period": 1600}
 """One gradient step after every step, as published: as many samples as of `PER_16`, and targets as old in steps."""
 
 ZONE_SEED = 24
 """Where the seeds of the runs in ZoneEnv begin: some of its settings were chosen on seeds 0 to 11, see
 `experiments/tuning.py`. Those of WaterWorld, which are its maps, begin with 0."""
+
+SOONER = ("", "-per-16", "-short-exploration")
+"""Endings of the names of runs in WaterWorld, each of which learns sooner than the one before."""
+
+BEGINNING = tuple(f"water-{name}{how}" for name in ("t1tl", "rm") for how in SOONER)
 
 AGENTS = tuple(f"zone-{method}" for method in ZONE_METHODS) + tuple(f"water-{method}" for method in WATER_METHODS)
 """The runs whose agents are kept, to be played by others."""
@@ -153,6 +161,7 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
             ("random-starts", replace(config, random_starts=0.5)),
             ("per-16", replace(config, learner=_changed(learner, **PER_16))),
             ("every-step", replace(config, learner=_changed(learner, **EVERY_STEP))),
+            ("short-exploration", replace(config, learner=_changed(learner, **SHORT_EXPLORATION))),
         ):
             new[f"water-{name}-{variant}"] = Run(changed, before)
 

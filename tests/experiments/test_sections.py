@@ -75,6 +75,16 @@ def test_every_world_of_a_table_of_steps_has_the_published_order():
             assert cell.published[fewer] < cell.published[more]
 
 
+def test_the_beginning_stands_beside_what_learns_sooner(make):
+    rates = {"water-rm": 0.2 + NEAR, "water-rm-per-16": 0.5 + NEAR}
+    runs = {name: make(name, success_rate=rate, episodes=1000.0) for name, rate in rates.items()}
+    text = figures.water_beginning(runs)
+    assert rows(text)["water-rm-per-16 - water-rm"][0].startswith("0.")
+    assert "Corrected for 4 comparisons, 1 of which can be made so far." in text
+    assert "500" in rows(text) and "3,000" in rows(text) and "3,500" not in rows(text)
+    assert figures.water_beginning({}) == ""
+
+
 def test_reward_per_minute_counts_pretraining_and_needs_it(make):
     runs = {
         name: make(name, success_rate=rate)

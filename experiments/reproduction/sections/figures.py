@@ -1,5 +1,6 @@
 """The learning curves of the six methods in ZoneEnv and WaterWorld, and those of the published program."""
 
+import itertools
 from collections.abc import Mapping
 
 from experiments import fairness
@@ -54,6 +55,12 @@ WATER_CLAIMS = [
 sub-tasks at once above who does not."""
 
 
+BEGINNING_NOTE = """The default makes one gradient step after every 128 steps of its environments, `per-16` one after
+16, and `short-exploration` also fades random actions over the first 1 % of the frames instead of 5 %. How many updates
+and how much exploration the published curves had is not published, nor are
+the balls' radius and speed."""
+
+
 def what_differs(runs: Mapping[str, Stored], labels: Mapping[str, str]) -> str:
     """One row for each method: sizes, pre-training, and what its settings were chosen on; '' without stored sizes."""
     rows = [
@@ -91,6 +98,24 @@ def water_figure(runs: Mapping[str, Stored]) -> str:
         "The published RM is the curve of a code of 6 numbers; rm's has 16 here (`--only fig-dimensions` has both)."
         if "water-rm" in runs
         else "",
+    )
+
+
+def water_beginning(runs: Mapping[str, Stored]) -> str:
+    """Curves by episode of runs that learn more from each step and explore for less long, beside the published ones."""
+    if not runs:
+        return ""
+    marks = [mark for mark in published_water.EPISODES if mark <= 3000]
+    means = {name: mean_return_at(run, marks) for name, run in runs.items()}
+    pairs = [
+        (f"water-{name}{more}", f"water-{name}{less}")
+        for name in ("t1tl", "rm")
+        for less, more in itertools.pairwise(named.SOONER)
+    ]
+    return _joined(
+        curves_by_episode(runs, {name: name.removeprefix("water-") for name in runs}, marks, published_water.PHI_WATER),
+        differences(runs, pairs, means, "mean return at these episodes", ()),
+        BEGINNING_NOTE,
     )
 
 
