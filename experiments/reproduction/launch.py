@@ -19,6 +19,9 @@ from pathlib import Path
 from experiments.reproduction.locks import gpu_uuids
 from t2tl_jax.runs.interrupts import Stoppable
 
+APART = 1.0
+"""Seconds between the starts of two workers, so that they take their first runs in this order."""
+
 POLL = 1.0
 """Seconds between two looks at the workers."""
 
@@ -96,6 +99,8 @@ def launch(
     with ExitStack() as files:
         files.callback(_signal_all, working, signal.SIGINT)  # if this process fails, they end as well
         for name, extra in environments.items():
+            if working:
+                time.sleep(APART)
             log = files.enter_context((logs / f"{name}.log").open("ab"))
             working[name] = subprocess.Popen(
                 list(command),

@@ -70,11 +70,16 @@ def needed(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
 
 
 def in_order(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
-    """The needed runs as several processes best take them: those that others wait for, then the longest, so that none
-    is left for the end. Those that need a device alone come last, since they do not go with what others still do."""
+    """The needed runs as several processes best take them: first those that most work has to follow on, their own
+    counted, so that no long one is left for the end. Those that need a device alone come last, since they do not go
+    with what others still do."""
     wanted = needed(runs, names)
-    awaited = {runs[name].before for name in wanted}
-    return sorted(wanted, key=lambda name: (runs[name].alone, name not in awaited, -cost(runs[name])))
+    ahead = dict.fromkeys(wanted, 0.0)
+    for name in reversed(wanted):  # each run stands behind the one that it starts from
+        ahead[name] += cost(runs[name])
+        if (before := runs[name].before) is not None:
+            ahead[before] = max(ahead[before], ahead[name])
+    return sorted(wanted, key=lambda name: (runs[name].alone, -ahead[name]))
 
 
 class Progress:

@@ -18,6 +18,7 @@ def python(text):
 @pytest.fixture(autouse=True)
 def soon(monkeypatch):
     monkeypatch.setattr(launch, "POLL", 0.02)
+    monkeypatch.setattr(launch, "APART", 0.0)
 
 
 def run(command, tmp_path, environments=NOTHING, progress=lambda: "", stopped=lambda: False):
