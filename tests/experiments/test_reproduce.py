@@ -15,7 +15,7 @@ import tests.fake_learner  # noqa: F401
 from experiments import reproduce, tuning
 from experiments.reproduction import claims, items, locks, measures, representations, stored, work
 from experiments.reproduction.page import SMOKE, page
-from experiments.reproduction.plan import Item, Run, Scale, cost
+from experiments.reproduction.plan import Item, Run, Scale
 from experiments.reproduction.runs import AGENTS, MAPS, TIMED, all_runs
 from experiments.reproduction.sections import unit_time
 from t2tl_jax.errors import UserError
