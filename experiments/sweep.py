@@ -24,6 +24,10 @@ DESCRIPTION = f"""Train every point of a grid of settings, each with the same se
   --space FIELD=RANGE       what a search varies: 0.9..0.99, log:1e-5..1e-3, or values such as gelu,relu
   --batch TRIALS            how many settings are proposed, and trained, at a time; 8 by default
   --search-seed NUMBER      of the proposals; 0 by default
+  --workers NUMBER          let so many processes train at a time, as jobs of submitit (the extra 'cluster')
+  --cluster local|slurm     whether these run on this machine (as by default) or on a SLURM cluster
+  --cluster-option X=VALUE  a parameter of submitit, such as timeout-min=600, gpus-per-node=1, slurm-partition=gpu
+  --only NUMBER,NUMBER      only train these points, counted from 0, as a job does; the table is left to another process
   --folder FOLDER           where the runs lie; by default NAME_sweep or NAME_search in the configuration's run.folder
   --config, --method, --import and every other option of experiments.run (whose --help lists them) for all points
 
@@ -59,7 +63,7 @@ def _main(texts: list[str]) -> int:
     from t2tl_jax.runs.interrupts import Interrupted, StopRequest
 
     with StopRequest() as stop:
-        work = Work(plan.base, stop, [*PROG.split(), *texts], STARTED)
+        work = Work(plan.base, stop, plan.words, STARTED, plan.only, plan.cluster)
         try:
             if plan.trials:
                 searching.run(plan, work)
@@ -79,7 +83,9 @@ def _grid(plan: Plan, work: Any) -> None:
     for axis in plan.axes:
         print(_in_words(axis, plan.points))
     runs = {plan.base / point.folder: point for point in plan.points}
-    work.train(runs)
+    work.train(runs, range(len(runs)))
+    if plan.only is not None:
+        return
     from experiments.sweeps import report
 
     curves = report.read_curves(runs)

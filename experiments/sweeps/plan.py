@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from experiments.sweeps.cluster import ENGINES, Cluster
 from t2tl_jax.errors import UserError
 from t2tl_jax.quiet import quiet_imports
 
@@ -39,6 +40,12 @@ class Plan:
     """Trials that are proposed at a time."""
     search_seed: int
     """Of the proposals."""
+    words: Sequence[str]
+    """The command line, but for what hands it to other processes."""
+    only: Sequence[int] | None
+    """The numbers of the points to train; None for all of them, with the table."""
+    cluster: Cluster | None
+    """Who trains them instead of this process."""
 
 
 def read(texts: Sequence[str]) -> Plan:
@@ -54,8 +61,14 @@ def read(texts: Sequence[str]) -> Plan:
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--search-seed", type=int, default=0)
     parser.add_argument("--folder", type=Path)
+    jobs = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    jobs.add_argument("--workers", type=int)
+    jobs.add_argument("--cluster", choices=ENGINES)
+    jobs.add_argument("--cluster-option", action="append", default=[])
+    jobs.add_argument("--only")
     try:
-        own, rest = parser.parse_known_args(texts)
+        handed, words = jobs.parse_known_args(texts)
+        own, rest = parser.parse_known_args(words)
     except argparse.ArgumentError as error:
         raise UserError(f"{error}; see --help") from error
     with quiet_imports():
@@ -70,6 +83,7 @@ def read(texts: Sequence[str]) -> Plan:
         ("search", own.search, 1),
         ("batch", own.batch, 1),
         ("search-seed", own.search_seed, 0),
+        ("workers", handed.workers, 1),
     ):
         if number is not None and number < least:
             raise UserError(f"--{flag} takes a whole number from {least} on, got {number}")
@@ -88,4 +102,35 @@ def read(texts: Sequence[str]) -> Plan:
         *(name, config, asked, rest, base.expanduser(), axes, points, own.search or 0, dimensions),
         batch=own.batch,
         search_seed=own.search_seed,
+        words=words,
+        only=None if handed.only is None else _numbers(handed.only, own.search or len(points)),
+        cluster=_cluster(handed),
     )
+
+
+def _numbers(text: str, count: int) -> list[int]:
+    """What ``--only`` says; UserError for what is no list of points."""
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isdigit() and int(part) < count for part in parts):
+        raise UserError(f"--only takes numbers of points from 0 to {count - 1}, such as 0,2, got {text!r}")
+    return sorted({int(part) for part in parts})
+
+
+def _cluster(handed: argparse.Namespace) -> Cluster | None:
+    """What ``--workers`` and ``--cluster`` say; UserError for what does not go together."""
+    if handed.workers is None:
+        if handed.cluster or handed.cluster_option:
+            raise UserError("--cluster and --cluster-option belong to --workers NUMBER: how many jobs at a time")
+        return None
+    if handed.only is not None:
+        raise UserError("--only is what a job does itself; leave --workers out")
+    options: dict[str, int | str] = {}
+    for text in handed.cluster_option:
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise UserError(f"--cluster-option takes NAME=VALUE, such as timeout-min=600, got {text!r}")
+        options[name.replace("-", "_")] = int(value) if value.isdigit() else value
+    engine = handed.cluster or "local"
+    if engine == "slurm" and "timeout_min" not in options:
+        raise UserError("a SLURM job has a time limit; give it with --cluster-option timeout-min=600 (minutes)")
+    return Cluster(handed.workers, engine, options)

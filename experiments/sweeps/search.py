@@ -35,7 +35,14 @@ def worth(returns: np.ndarray) -> float:
 class Search:
     """The trials of a search, numbered from 0, on disk."""
 
-    def __init__(self, base: Path, dimensions: Sequence[Dimension], seed: int, content: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        base: Path,
+        dimensions: Sequence[Dimension],
+        seed: int,
+        content: Mapping[str, Any],
+        begins: bool = True,
+    ) -> None:
         """Begin a search, or go on with the one that the folder holds.
 
         Args:
@@ -43,6 +50,7 @@ class Search:
             dimensions: what is searched, of `space.check`.
             seed: of the proposals.
             content: what makes it the same search, as JSON.
+            begins: whether this process is the one that proposes; others only read.
 
         Raises:
             UserError: if Optuna is not there, or the folder holds another search or a damaged one.
@@ -54,9 +62,12 @@ class Search:
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         self._optuna, self._dimensions, self._seed = optuna, dimensions, seed
         self._file = base / FILE
+        if not begins and not self._file.is_file():
+            raise UserError(f"{base} holds no search yet, of which single trials could be trained")
         base.mkdir(parents=True, exist_ok=True)
         with writing(self._file):
-            _cut_unfinished_line(self._file)
+            if begins:
+                _cut_unfinished_line(self._file)
             self._study = self._opened()
             known = self._study.user_attrs.get(CONTENT)
             if known is None:
@@ -71,9 +82,9 @@ class Search:
         try:
             # Of Optuna's storages the one that is plain text: what it reads are numbers and names, never code.
             storage = JournalStorage(JournalFileBackend(str(self._file)))
-            return self._optuna.create_study(
-                storage=storage, study_name=NAME, direction="maximize", load_if_exists=True
-            )
+            if NAME in [study.study_name for study in storage.get_all_studies()]:
+                return self._optuna.load_study(storage=storage, study_name=NAME)
+            return self._optuna.create_study(storage=storage, study_name=NAME, direction="maximize")
         except OSError:
             raise
         except Exception as error:  # of any kind, by what is wrong with the file

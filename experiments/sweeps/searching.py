@@ -26,6 +26,10 @@ def run(plan: Plan, work: Work) -> None:
     Raises:
         Interrupted: saying when the user stopped it.
     """
+    if plan.only is not None:
+        search = Search(plan.base, plan.space, plan.search_seed, _content(plan), begins=False)
+        work.train({_folder(plan, number): _point(plan, search, number) for number in plan.only}, plan.only)
+        return
     plan.base.mkdir(parents=True, exist_ok=True)
     with locked(RunFolder(plan.base)):
         search = Search(plan.base, plan.space, plan.search_seed, _content(plan))
@@ -35,7 +39,7 @@ def run(plan: Plan, work: Work) -> None:
             numbers = range(start, min(start + plan.batch, plan.trials))
             batch = {_folder(plan, number): _point(plan, search, number) for number in numbers}
             print(f"trials {start} to {numbers[-1]} of {plan.trials}:")
-            work.train(batch)
+            work.train(batch, numbers)
             for number, of_trial in zip(numbers, report.read_curves(batch).values(), strict=True):
                 search.tell(number, worth(report.final_returns(of_trial)))
             runs |= batch

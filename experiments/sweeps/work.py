@@ -1,16 +1,19 @@
 """The points of a sweep trained, one program after another; what is there already is left as it is."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.cli.grid import Point
 from experiments.cli.words import Words
+from experiments.sweeps.cluster import Cluster
+from experiments.sweeps.plan import PROG
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.config import Config
-from t2tl_jax.runs.group import ENDS, group_folder, same_program, train_group
+from t2tl_jax.runs.group import CONTENT, ENDS, group_folder, same_program, train_group
 from t2tl_jax.runs.interrupts import Interrupted, Stoppable
 from t2tl_jax.runs.progress_bar import ProgressBar
 
@@ -24,27 +27,69 @@ class Work:
     stop: Stoppable
     """Who may ask to stop."""
     command: Sequence[str]
-    """For the record of the runs."""
+    """The words of the command line, but for those that hand it to other processes."""
     started: float
     """When the program began, by ``time.monotonic``."""
+    only: Sequence[int] | None = None
+    """The numbers of the points that this process trains, for another one that has the table; None for all."""
+    cluster: Cluster | None = None
+    """Who trains instead of this process."""
 
-    def train(self, runs: Mapping[Path, Point]) -> None:
-        """Train what is not there yet, of points by the folders of their runs.
+    def train(self, runs: Mapping[Path, Point], numbers: Sequence[int]) -> None:
+        """Train what is not there yet.
+
+        Args:
+            runs: points by the folders of their runs.
+            numbers: those of the points, in the order of the runs.
 
         Raises:
             Interrupted: saying when the user stopped it.
-            UserError: for a folder that holds something else.
+            UserError: for a folder that holds something else, and for jobs that did not come to their end.
         """
-        groups = programs(missing(runs))
-        ours = [group_folder(group, self.base) for group in groups]
-        for other in sorted(self.base.glob("group-*")):
-            if other not in ours:
-                print(f"note: {other} is an unfinished group of other points, which nothing here goes on with")
+        number_of = dict(zip(runs, numbers, strict=True))
+        if self.only is not None:
+            runs = {path: point for path, point in runs.items() if number_of[path] in self.only}
+        begun, groups = self._groups(missing(runs))
+        if self.cluster is not None:
+            self._hand_over([*begun, *parts(groups, self.cluster.workers)], number_of)
+            return
+        groups = [*begun, *groups]
         for number, group in enumerate(groups, start=1):
             print(f"program {number} of {len(groups)}, {len(group)} points side by side with their seeds:")
             print(*(f"  {runs[path].label}" for path in group), sep="\n", flush=True)
             if self._train_group(group) not in ENDS:
                 raise Interrupted(f"in program {number} of {len(groups)}")
+
+    def _groups(self, configs: Mapping[Path, Config]) -> tuple[list[dict[Path, Config]], list[dict[Path, Config]]]:
+        """The groups that were begun and are gone on with, and new ones of the other points."""
+        begun = []
+        left = dict(configs)
+        for folder in sorted(self.base.glob("group-*")):
+            paths = [self.base / name for name in names(folder)]
+            group = {path: left[path] for path in paths if path in left}
+            if group and group_folder(group, self.base) == folder:
+                begun.append(group)
+                left = {path: config for path, config in left.items() if path not in group}
+            elif self.only is None:
+                print(f"note: {folder} is an unfinished group of other points, which nothing here goes on with")
+        return begun, programs(left)
+
+    def _hand_over(self, groups: Sequence[Mapping[Path, Config]], numbers: Mapping[Path, int]) -> None:
+        """Let jobs train groups of points, each of which is one program."""
+        assert self.cluster is not None
+        if not groups:
+            return
+        self.base.mkdir(parents=True, exist_ok=True)
+        for number, group in enumerate(groups, start=1):
+            print(f"job {number} of {len(groups)}: {', '.join(path.name for path in group)}", flush=True)
+        words = [[*self.command, "--only", ",".join(str(numbers[path]) for path in group)] for group in groups]
+        failed = self.cluster.run(
+            words, self.base, self.stop, lambda number: all(path.exists() for path in groups[number])
+        )
+        if failed and self.stop.requested:
+            raise Interrupted(f"with {len(groups) - len(failed)} of {len(groups)} jobs done")
+        if failed:
+            raise UserError(f"{len(failed)} of {len(groups)} jobs did not come to their end; the same command goes on")
 
     def _train_group(self, group: Mapping[Path, Config]) -> str:
         """Train one program; why it ended."""
@@ -55,7 +100,7 @@ class Work:
             callbacks=[Words(self.started, "group"), *bar],
             pretraining_callbacks=[Words(self.started, "first"), *bar],
             stop=self.stop,
-            command=self.command,
+            command=[*PROG.split(), *self.command],
         )
 
 
@@ -75,6 +120,25 @@ def programs(configs: Mapping[Path, Config]) -> list[dict[Path, Config]]:
         else:
             groups.append({path: config})
     return groups
+
+
+def parts(groups: Sequence[Mapping[Path, Config]], workers: int) -> list[dict[Path, Config]]:
+    """Programs taken apart, so that there is work for so many processes where there are as many points."""
+    pieces = -(-workers // max(1, len(groups)))
+    return [
+        {path: group[path] for path in list(group)[piece::pieces]}
+        for group in groups
+        for piece in range(min(pieces, len(group)))
+    ]
+
+
+def names(folder: Path) -> list[str]:
+    """The names of the points that a group trains; none if its folder does not say."""
+    try:
+        content = json.loads((folder / CONTENT).read_text(encoding="utf-8"))
+        return [str(point["name"]) for point in content]
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return []
 
 
 def _is_done(path: Path, config: Config) -> bool:
