@@ -7,6 +7,7 @@ from envs.flatworld import FlatWorldConfig
 from envs.letterworld import LetterWorldConfig
 from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
+from experiments import controls  # noqa: F401, registers its encoders
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.ltl import Chains, Conjunction, Mixture

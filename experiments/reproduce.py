@@ -1,4 +1,5 @@
-"""The paper, measured again: ``python -m experiments.reproduce``; every table and figure, or some of them.
+"""The paper, measured again, and agents for any task: ``python -m experiments.reproduce``; every table and figure, or
+some of them (``--only paper``, ``--only any``, items, runs).
 
 Runs that are done are kept, and runs that were cut go on, so the same command may be given again and again. Several
 processes may work on the same folder: each takes runs that no other one has taken. ``--workers`` starts them.
@@ -21,6 +22,8 @@ SHARED = ("only", "scale", "seeds", "minutes", "folder")
 """Arguments that workers are given as they are."""
 RESULTS = ROOT / "results" / "paper"
 """Where finished runs of full scale are kept, in the repository."""
+ANY_RESULTS = ROOT / "results" / "any"
+"""The same of agents for any task."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +32,11 @@ class Arguments:
     the same command goes on with what is not."""
 
     only: str = ""
-    """Items, or single runs of them, separated by commas; all items by default. --list True shows them."""
+    """Items, or single runs of them, separated by commas; 'paper' are all items of the paper, 'any' all of agents for
+    any task; all of both by default. --list True shows them."""
     scale: Literal["smoke", "full"] = "full"
-    """full: 12 seeds and the paper's budgets, for GPUs. smoke: every item with tiny networks and budgets on a CPU, to
-    see that all of it runs; its figures mean nothing and say so."""
+    """full: 12 seeds (or as many as a run says) and the paper's budgets, for GPUs. smoke: every item with tiny networks
+    and budgets on a CPU, to see that all of it runs; its figures mean nothing and say so."""
     seeds: str = "12"
     """How many seeds of each run, or which. Counted from 24 in ZoneEnv, some of whose settings were chosen on 0 to 11,
     and from 0 in WaterWorld, where they are the maps; a list such as 0,3,7 is meant for all."""
@@ -44,11 +48,12 @@ class Arguments:
     folder: Path = Path("runs/reproduction")
     """Where the runs lie, in a folder for each scale."""
     report: bool = False
-    """Only write what the documentation shows of the repository's stored results: docs/results.md, the tables between
-    markers in README.md and docs, and their pictures."""
+    """Only write what the documentation shows of the repository's stored results: docs/results.md, docs/zeroshot.md,
+    the tables between markers in README.md and docs, and their pictures."""
     keep: bool = False
-    """Copy finished runs of full scale into results/paper, which needs that they were made from clean commits of this
-    history. Of the methods' own runs the parameters of the first seed are kept too, where they are small."""
+    """Copy finished runs of full scale into results/paper and results/any, which needs that they were made from clean
+    commits of this history. Of the methods' own runs the parameters of the first seed are kept too, where they are
+    small."""
     list: bool = False
     """Only show the items and their runs."""
 
@@ -65,7 +70,8 @@ def _main(texts: Sequence[str]) -> int:
 
         from experiments.cli import compilation_cache, cpu_devices
         from experiments.reproduction import launch, report, stored, work
-        from experiments.reproduction.items import ITEMS
+        from experiments.reproduction.anytask import met
+        from experiments.reproduction.items import GROUPS, ITEMS
         from experiments.reproduction.page import page
         from experiments.reproduction.plan import Scale
         from experiments.reproduction.runs import AGENTS, all_runs
@@ -74,10 +80,11 @@ def _main(texts: Sequence[str]) -> int:
         from t2tl_jax.training.seeds import parse_seeds
 
     runs = all_runs()
-    chosen = [name.strip() for name in arguments.only.split(",") if name.strip()] or list(ITEMS)
+    words = [name.strip() for name in arguments.only.split(",") if name.strip()] or list(GROUPS)
+    chosen = [name for word in words for name in GROUPS.get(word, (word,))]
     for name in chosen:
         if name not in ITEMS and name not in runs:
-            close = nearest(name, [*ITEMS, *runs])
+            close = nearest(name, [*GROUPS, *ITEMS, *runs])
             raise UserError(f"unknown item or run {name!r}; did you mean {close!r}? --list True shows all of them")
     names = [run for name in chosen for run in (ITEMS[name].names(arguments.scale) if name in ITEMS else [name])]
     items = {name: item for name, item in ITEMS.items() if name in chosen or not set(names).isdisjoint(item.runs)}
@@ -114,17 +121,22 @@ def _main(texts: Sequence[str]) -> int:
     if arguments.keep:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):
-                stored.keep(name, base / name, RESULTS / name, agent=name in AGENTS)
-                stored.keep_sizes(RESULTS / name)
+                any_task = name.startswith("any-")
+                target = (ANY_RESULTS if any_task else RESULTS) / name
+                stored.keep(
+                    name, base / name, target, agent=name in AGENTS, most=stored.MOST_ITERATIONS if any_task else None
+                )
+                stored.keep_sizes(target)
+                met.keep(target, runs[name].suites)
     finished = {
         name: run
         for name, run in stored.load(base).items()
         if name in work.needed(runs, names) and work.is_done(runs[name], scale, base / name)
     }
-    target = base / "results.md"
-    target.write_text(page(items, finished, smoke=arguments.scale == "smoke"), encoding="utf-8")
-    print(target.read_text(encoding="utf-8"))
-    print(f"written: {target}")
+    shown = base / "results.md"
+    shown.write_text(page(items, finished, smoke=arguments.scale == "smoke"), encoding="utf-8")
+    print(shown.read_text(encoding="utf-8"))
+    print(f"written: {shown}")
     if len(finished) < len(work.needed(runs, names)):
         print(f"{len(finished)} of {len(work.needed(runs, names))} runs are done; the same command goes on")
     if failed:

@@ -3,6 +3,7 @@
 from experiments.paper import step_tables
 from experiments.reproduction import representations
 from experiments.reproduction import runs as named
+from experiments.reproduction.anytask.items import ANY_ITEMS, GROUP
 from experiments.reproduction.plan import Item
 from experiments.reproduction.sections import attention, benchmark, figures, safe, steps, unit_time, widths
 from experiments.reproduction.sections.ablation import ablation
@@ -41,7 +42,7 @@ _T1TL_PIECES = _names("water-t1tl-{}", ("own-row", "printed-argmax", "random-sta
 _ONE_HOT_PIECES = ("water-dfa", *_names("water-rm-{}", ("printed-argmax", "random-starts", "per-16", "every-step")))
 """What is taken away or changed; without simultaneous learning the one-hot code is dfa."""
 
-ITEMS: dict[str, Item] = {
+PAPER_ITEMS: dict[str, Item] = {
     "fig-zone": Item(
         "ZoneEnv, `phi_zone`: six methods, DFA both ways",
         _names("zone-{}", named.ZONE_METHODS),
@@ -142,3 +143,9 @@ ITEMS: dict[str, Item] = {
     ),
 }
 """By the names that ``--only`` takes."""
+
+ITEMS = PAPER_ITEMS | ANY_ITEMS
+"""All of them."""
+
+GROUPS = {"paper": tuple(PAPER_ITEMS), GROUP: tuple(ANY_ITEMS)}
+"""Several items by one name."""

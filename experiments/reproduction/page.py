@@ -31,6 +31,7 @@ def page(
     smoke: bool,
     head: str = HEAD,
     pictures: Mapping[str, str] | None = None,
+    terms: str = TERMS,
 ) -> str:
     """All items, those that are not measured with what is missing.
 
@@ -40,8 +41,9 @@ def page(
         smoke: whether they are of a smoke test, which is then said beside every item.
         head: what the page begins with.
         pictures: by the name of an item, the line that shows its picture.
+        terms: what words and brackets mean.
     """
-    parts = [head, *([SMOKE] if smoke else []), TERMS]
+    parts = [head, *([SMOKE] if smoke else []), terms]
     for name, item in items.items():
         missing = [run for run in item.runs if run not in runs]
         there = {run: runs[run] for run in item.runs if run in runs}

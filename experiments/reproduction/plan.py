@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from envs.zones import ZoneConfig
+from experiments.reproduction.anytask.suites import Suite
 from t2tl_jax.agents.dqn import DQNConfig
 from t2tl_jax.agents.ppo import PPOConfig
 from t2tl_jax.runs.config import Config, RunConfig
@@ -36,6 +37,19 @@ class Run:
     """Makes the run's folder without a training."""
     read: bool = False
     """Whether its agents are read at the end: attention, and what removing a token changes."""
+    suites: tuple[Suite, ...] = ()
+    """Tasks that its agents are tested on at the end, beside its own."""
+    certified: tuple[str, ...] = ()
+    """Tasks for which its first seed gets a certificate."""
+    drawn: tuple[str, ...] = ()
+    """Tasks of which an episode of its first seed is recorded, all of them on one map, for a picture."""
+    early: bool = False
+    """Whether it is begun before other runs, however long they are."""
+
+    @property
+    def tested(self) -> bool:
+        """Whether its agents are played on other tasks than its own."""
+        return bool(self.suites or self.certified or self.drawn)
 
 
 @dataclass(frozen=True)

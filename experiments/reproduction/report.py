@@ -6,8 +6,10 @@ from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import beside, speed, stored
+from experiments.reproduction.anytask.items import ANY_ITEMS
+from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
 from experiments.reproduction.cells import text
-from experiments.reproduction.items import ITEMS
+from experiments.reproduction.items import PAPER_ITEMS
 from experiments.reproduction.measures import frames_to
 from experiments.reproduction.method_table import method_table
 from experiments.reproduction.page import page, paragraph
@@ -25,7 +27,33 @@ HEAD = """# Results
 Written by `python -m experiments.reproduce --report True` from what is stored in `results/`; do not edit. Every run is
 there with its configuration, metrics, evaluation, versions and the commit that made it, which is one of this history,
 without changes. First come the items of the paper, from `results/paper`, each with the command that measures it, then
-what was measured beside them."""
+what was measured beside them. Agents that carry out formulas they were not trained on have a [page of their
+own](zeroshot.md)."""
+
+ANY_PAGE = "docs/zeroshot.md"
+"""The page of agents for any task, which is written as a whole too."""
+
+ANY_HEAD = """# Any formula, any map
+
+Written by `python -m experiments.reproduce --report True` from what is stored in `results`, folder any; do not edit.
+One agent for each environment carries out formulas that it was not trained on, on maps that it was not trained on.
+The formulas of the tests are named as in `t2tl_jax/ltl/benchmark_tasks.py`; `python -m experiments.reproduce --only
+any` makes all of it again."""
+
+ANY_TERMS = """\
+Success: the formula became true. It became false: violation. Ended by env: the agent left the arena while the formula
+was open. Steps are means over the episodes that succeed. Return is the mean discounted reward: 1 when the formula
+becomes true, and -1 for a violation or for leaving the arena, where others count 0, so that ours is never above theirs
+for the same episodes. Episodes: 500 for each seed, formula and policy, on maps that are kept for evaluation; of tasks
+with a map each, 10. Unless said otherwise the policy is sampled; its mode is the deterministic one. Brackets are 95 %
+intervals over seeds (of rates, Wilson's with one trial a seed); of several formulas, over seeds and formulas, both as
+samples. Rows met: of the formula's open rows, how many were a row of any pool of the training, by language; renamed:
+also under other names of propositions. A formula of which a row was met is not unseen in the strict sense: its last
+steps, such as "reach Blue", are rows of nearly every task. The formulas of the tests themselves are kept out of all
+pools, under whatever names, but for those of more than four colours, of `Until_1_2_1_1` and of the lists with maps.
+Seconds are upper bounds: several trainings shared a GPU. Figures of others: see `experiments/paper/published_any.py`;
+their step counts are of the same physics in the open ZoneEnv. Of long trainings the curves are kept at every n-th
+iteration."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +62,7 @@ class Documentation:
 
     pages: dict[str, str]
     """By path below the root of the repository, the whole text."""
-    pictures: dict[str, Picture]
+    pictures: dict[str, Picture | EpisodesPicture]
     """By path likewise."""
 
 
@@ -48,7 +76,7 @@ def documentation(root: Path) -> Documentation:
     paper, short = (stored.load(results / name) for name in ("paper", beside.SHORT))
     shown = pictures(paper, short)
     lines = {name: picture.markdown() for name, picture in shown.items()}
-    items = page(ITEMS, paper, smoke=False, head=HEAD, pictures=lines)
+    items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines)
     whole = f"{items}\n{beside.measurements(results, lines)}"
     parts = {
         "README.md": {
@@ -64,7 +92,15 @@ def documentation(root: Path) -> Documentation:
         },
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}
-    return Documentation({PAGE: whole, **written}, {f"docs/{picture.file}": picture for picture in shown.values()})
+    for_any = stored.load(results / "any")
+    episodes = of_runs(for_any)
+    any_lines = {name: picture.markdown() for name, picture in episodes.items()}
+    any_page = page(ANY_ITEMS, for_any, smoke=False, head=ANY_HEAD, pictures=any_lines, terms=ANY_TERMS)
+    drawn: list[Picture | EpisodesPicture] = [*shown.values(), *episodes.values()]
+    return Documentation(
+        {PAGE: whole, ANY_PAGE: any_page, **written},
+        {f"docs/{one.file}": one for one in drawn},
+    )
 
 
 def write(root: Path) -> list[str]:

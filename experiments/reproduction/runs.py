@@ -7,6 +7,7 @@ from experiments import configs  # noqa: F401, registers the configurations
 from experiments.methods import apply
 from experiments.paper import step_tables
 from experiments.reproduction import representations
+from experiments.reproduction.anytask.runs import ANY_AGENTS, any_runs
 from experiments.reproduction.plan import Run
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.rgcn import RGCNConfig
@@ -44,7 +45,11 @@ SOONER = ("", "-per-16", "-short-exploration")
 
 BEGINNING = tuple(f"water-{name}{how}" for name in ("t1tl", "rm") for how in SOONER)
 
-AGENTS = tuple(f"zone-{method}" for method in ZONE_METHODS) + tuple(f"water-{method}" for method in WATER_METHODS)
+AGENTS = (
+    *(f"zone-{method}" for method in ZONE_METHODS),
+    *(f"water-{method}" for method in WATER_METHODS),
+    *ANY_AGENTS,
+)
 """The runs whose agents are kept, to be played by others."""
 
 ALONE = "1"
@@ -68,7 +73,7 @@ def all_runs() -> dict[str, Run]:
             for name, run in part(runs).items():
                 assert name not in runs, name
                 runs[name] = replace(run, first_seed=first_seed)
-    return runs
+    return runs | any_runs()
 
 
 def _zone_base() -> Config:

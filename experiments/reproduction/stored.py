@@ -32,10 +32,17 @@ FILES = (
     "evaluation.json",
     "attention.json",
     "table.json",
+    "tested.json",
 )
 """What is kept of a run; its checkpoints and pictures are not."""
 
+ALREADY_SMALL = ("tested.json",)
+"""Of these, what names no folder and is written in few lines."""
+
 REPOSITORY = Path(__file__).parents[2]
+
+MOST_ITERATIONS = 60
+"""Iterations of a curve that are kept of the runs of agents for any task, which are many."""
 
 MOST_MEBIBYTES = 2
 """Size up to which a file of parameters is kept; in ZoneEnv all are smaller, in WaterWorld none is."""
@@ -160,6 +167,7 @@ def keep(
     agent: bool = False,
     say: Callable[[str], None] = print,
     repository: Path = REPOSITORY,
+    most: int | None = None,
 ) -> None:
     """Copy what the tables need of a finished run into the repository.
 
@@ -170,6 +178,7 @@ def keep(
         agent: whether to keep the final and the best parameters of its first seed too, if they are small.
         say: told of parameters that are too large.
         repository: the checkout whose history must hold the commit that made the run.
+        most: so many iterations of its metrics are kept at most, evenly spaced and as they are; None for all.
 
     Raises:
         UserError: if it was not made from a commit of this history as it stands.
@@ -186,7 +195,11 @@ def keep(
     shutil.rmtree(target, ignore_errors=True)
     target.mkdir(parents=True)
     for file in FILES:
-        if (source / file).suffix == ".json" and (source / file).is_file():
+        if file == RunFolder(source).metrics.name and (source / file).is_file():
+            _copy_metrics(source / file, target / file, most)
+        elif file in ALREADY_SMALL and (source / file).is_file():
+            shutil.copyfile(source / file, target / file)
+        elif (source / file).suffix == ".json" and (source / file).is_file():
             content = portable(read_json(source / file), source.resolve(), repository.resolve())
             if file == "config.json":
                 content["run"]["compilation_cache"] = ""  # a folder of that machine, too
@@ -201,6 +214,18 @@ def keep_sizes(folder: Path) -> None:
     """Count what the networks of a kept run come to, which takes seconds, and write it beside its other files."""
     if (config := RunFolder(folder).config).is_file():
         write_json(folder / SIZES, asdict(sizes(config_files.load(config))))
+
+
+def _copy_metrics(source: Path, target: Path, most: int | None) -> None:
+    """Copy a file of metrics, of every n-th iteration if there are more than `most`; n is a power of two or 1."""
+    header, *rows = source.read_text(encoding="utf-8").splitlines()
+    at = header.split(",").index("iteration")
+    iterations = [int(float(row.split(",")[at])) for row in rows]
+    step = 1
+    while most is not None and max(iterations, default=0) > most * step:
+        step *= 2
+    kept = [row for row, iteration in zip(rows, iterations, strict=True) if iteration % step == 0]
+    target.write_text("\n".join([header, *kept]) + "\n", encoding="utf-8")
 
 
 def _check_history(name: str, revision: str, repository: Path) -> None:

@@ -12,6 +12,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 from experiments import attention
+from experiments.reproduction.anytask import tested
 from experiments.reproduction.locks import claimed, device_names
 from experiments.reproduction.plan import Run, Scale, cost
 from t2tl_jax.errors import UserError
@@ -70,16 +71,16 @@ def needed(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
 
 
 def in_order(runs: Mapping[str, Run], names: Sequence[str]) -> list[str]:
-    """The needed runs as several processes best take them: first those that most work has to follow on, their own
-    counted, so that no long one is left for the end. Those that need a device alone come last, since they do not go
-    with what others still do."""
+    """The needed runs as several processes best take them: those that are to come early, then those that most work has
+    to follow on, their own counted, so that no long one is left for the end. Those that need a device alone come last,
+    since they do not go with what others still do."""
     wanted = needed(runs, names)
     ahead = dict.fromkeys(wanted, 0.0)
     for name in reversed(wanted):  # each run stands behind the one that it starts from
         ahead[name] += cost(runs[name])
         if (before := runs[name].before) is not None:
             ahead[before] = max(ahead[before], ahead[name])
-    return sorted(wanted, key=lambda name: (runs[name].alone, -ahead[name]))
+    return sorted(wanted, key=lambda name: (runs[name].alone, not runs[name].early, -ahead[name]))
 
 
 class Progress:
@@ -118,7 +119,12 @@ def is_done(run: Run, scale: Scale, folder: Path) -> bool:
     evaluated = not run.evaluated or {
         (entry["settings"]["checkpoint"], entry["settings"]["episode_length"]) for entry in evaluations.stored(files)
     } >= set(itertools.product(("final", "best"), _limits(run, scale)))
-    return trained and evaluated and ((folder / READING).is_file() or not run.read)
+    return (
+        trained
+        and evaluated
+        and ((folder / READING).is_file() or not run.read)
+        and (not run.tested or tested.is_complete(run, scale.name, folder))
+    )
 
 
 def do_all(
@@ -213,6 +219,10 @@ def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Dead
         episodes = str(config.run.evaluation_episodes)
         if code := attention.main([str(folder), "--all-seeds", "True", "--episodes", episodes]):
             raise UserError(f"reading {folder} failed with exit code {code}")
+    if result.ended in ENDS and run.tested:
+        if deadline.passed or stop.requested:
+            return OUT_OF_TIME
+        tested.add(run, scale.name, result, tested.missing(run, scale.name, folder))
     return result.ended
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import jax
 import numpy as np
 
+from t2tl_jax.env import EnvParams
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.animation import captions, record, save_gif
 from t2tl_jax.evaluation.episodes import distinct, player_of_seeds
@@ -75,6 +76,7 @@ def evaluate_tables(
     tables: Sequence[TaskTable],
     episodes: int,
     episode_length: int,
+    worlds: Sequence[EnvParams] | None = None,
 ) -> dict[Which, list[dict[str, Report]]]:
     """As `evaluate_policies`, on one table after another. Where they have equal shapes, nothing compiles anew.
 
@@ -86,6 +88,8 @@ def evaluate_tables(
         tables: the tasks, at least one table.
         episodes: per seed, policy and table, at most.
         episode_length: time limit in steps.
+        worlds: for each table the environment's parameters, such as its map, with leading axis [seeds]; by default
+            those that are kept for evaluation.
 
     Returns:
         By the name of the parameters, in the order of the tables, by the name of the policy.
@@ -93,7 +97,8 @@ def evaluate_tables(
     experiment = experiment.with_table(tables[0])
     seeds, discount = experiment.seeds, experiment.config.learner.discount
     keys, env_params = stream_keys(seeds, EVALUATION), experiment.env_params("evaluation")
-    given = [replace(env_params, table=table) for table in tables]
+    worlds = [env_params.env] * len(tables) if worlds is None else worlds
+    given = [replace(env_params, table=table, env=world) for table, world in zip(tables, worlds, strict=True)]
 
     def one(deterministic: bool) -> dict[Which, list[Report]]:
         count = distinct(experiment.task_env, episodes, deterministic)

@@ -7,10 +7,10 @@ import pytest
 
 from envs.letterworld import EPISODE_LENGTH, LetterWorld, LetterWorldConfig, LetterWorldParams
 from envs.letterworld import maps as letter_maps
+from experiments.paper.fixed_set import LETTERS
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.registry import make_env
 from t2tl_jax.task_env import TaskEnv, TaskParams
-from tests.envs.published_set import LETTERS
 
 UP, DOWN, LEFT, RIGHT = range(4)
 STEPS = {UP: (-1, 0), DOWN: (1, 0), LEFT: (0, -1), RIGHT: (0, 1)}

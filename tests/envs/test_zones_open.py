@@ -11,10 +11,10 @@ from envs.zones import EPISODE_LENGTH, OPEN, OPEN_6, OPEN_8, OPEN_10, ZoneConfig
 from envs.zones import layouts as zone_layouts
 from envs.zones.point_closed_form import ClosedFormPoint
 from envs.zones.point_robot import PointState
+from experiments.paper.fixed_set import ZONES, capitals, discs, start
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.registry import env_names, make_env
 from t2tl_jax.task_env import TaskEnv, TaskParams
-from tests.envs.published_set import ZONES, capitals, discs, start
 from tests.envs.test_zones_sensors import published_lidar
 
 CLOSED_FORM = replace(OPEN, physics="closed_form", pool_size=4)

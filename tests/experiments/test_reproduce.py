@@ -44,7 +44,7 @@ def test_every_run_has_a_configuration_at_either_scale(runs, scale):
     for name, run in runs.items():
         if run.measure is None:
             config = Scale(scale, "12").apply(run)
-            assert config.frames <= 10_000_000
+            assert config.frames <= (60_000_000 if name.startswith("any-") else 10_000_000)
             assert scale == "full" or config.frames <= 3 * config.learner.frames_per_iteration, name
             assert (run.before is not None) == bool(config.pretrained), name
 
@@ -163,6 +163,8 @@ def test_runs_come_by_the_work_that_follows_on_them_and_those_alone_last(runs):
     assert set(order) == set(runs) and alone == sorted(alone)
     place = {name: order.index(name) for name in runs}
     assert all(place[run.before] < place[name] for name, run in runs.items() if run.before is not None)
+    early = [runs[name].early for name in order]
+    assert any(early) and early == sorted(early, reverse=True)
     # What takes longest and needs nothing, then a pre-training that much waits for, then what takes less than that.
     assert place["rm-crm"] < place["zone-published-pretraining-transformer"] < place["zone-pretraining-transformer"]
     assert place["zone-pretraining-transformer"] < place["water-rm"] < place["safe-pretraining-gnn"]
@@ -194,13 +196,14 @@ def test_device_names():
 
 
 def test_no_run_is_on_seeds_that_settings_were_chosen_on(runs):
-    """Those in ZoneEnv on none that any search had; those in WaterWorld, whose seeds are its maps, on none of its own.
-    The benchmark has maps 1 to 10 and no others, and `experiments.tuning` names those that a search had."""
+    """Those in ZoneEnv and of agents for any task on none that any search had; those in WaterWorld, whose seeds are its
+    maps, on none of its own. The benchmark has maps 1 to 10 and no others, and `experiments.tuning` names those that a
+    search had."""
     searched = {seed for search in tuning.TUNED.values() for seed in search.seeds}
     for name, run in runs.items():
         if run.config is not None and run.seeds != MAPS:
             seeds, in_zones = set(parse_seeds(Scale("full", "12").apply(run).seeds)), run.first_seed > 0
-            assert in_zones == name.startswith(("zone-", "safe-", "prime-")), name
+            assert in_zones == name.startswith(("zone-", "safe-", "prime-", "any-")), name
             assert not seeds & (searched if in_zones else set(tuning.TUNED["waterworld_dqn"].seeds)), name
             assert seeds <= set(range(24, 36) if in_zones else range(12)), name
     for name in ("zone-t2tl", "safe-dfa", "water-t1tl", "water-pretraining-gnn"):

@@ -1,4 +1,4 @@
-"""DeepLTL's 50 tasks with a map each, for ZoneEnv and for LetterWorld; see zeroshot_eval.md."""
+"""DeepLTL's 50 tasks with a map each, for ZoneEnv and for LetterWorld; see fixed_set.md."""
 
 import json
 import re
@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-LINES = [json.loads(line) for line in Path(__file__).with_name("zeroshot_eval.jsonl").read_text().splitlines()]
+from t2tl_jax.ltl import Formula, resolve_task
+
+LINES = [json.loads(line) for line in Path(__file__).with_suffix(".jsonl").read_text().splitlines()]
 ZONES = [line for line in LINES if line["env"] == "zones"]
 LETTERS = [line for line in LINES if line["env"] == "letters"]
 
@@ -17,6 +19,13 @@ PLACED = ("green", "yellow", "blue", "magenta")
 def capitals(task: str) -> str:
     """The task with the colours as ZoneEnv writes them."""
     return re.sub(r"[a-z]{2,}", lambda colour: colour.group().capitalize(), task)
+
+
+def formulas(which: str) -> list[Formula]:
+    """The tasks of a list: zones or letters."""
+    if which == "zones":
+        return [resolve_task(capitals(line["task"])) for line in ZONES]
+    return [resolve_task(line["task"]) for line in LETTERS]
 
 
 def start(line: dict) -> np.ndarray:

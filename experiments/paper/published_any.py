@@ -1,0 +1,84 @@
+"""What others report of agents on formulas that these were not trained on: success, and mean steps of the successes.
+
+DeepLTL, RAD, GCRL-LTL and LTL2Action in DeepLTL's worlds are computed from result files in DeepLTL's repository (commit
+3157200): five seeds with 500 episodes each, deterministic in ZoneEnv and sampled elsewhere. GenZ-LTL are its five
+shipped models (commit 2f7706c), which this project's authors played on 500 maps each in the closed form of the same
+physics, with its rules written again; ``discounted`` is their mean of 0.998 ** steps, 0 for an episode that fails.
+LTL2Action in its own walled world is read off a figure.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Published:
+    """One figure of one method."""
+
+    success: float
+    steps: float | None = None
+
+    def text(self) -> str:
+        """For a cell."""
+        return f"{self.success:.3f}" + ("" if self.steps is None else f", {self.steps:g}")
+
+
+def _each(names: tuple[str, ...], *cells: tuple[float, float]) -> dict[str, Published]:
+    return {name: Published(*cell) for name, cell in zip(names, cells, strict=True)}
+
+
+_Z = ("z1", "z2", "z3", "z4", "z5", "z6")
+
+ZONES = {
+    "GenZ-LTL": _each(
+        (*_Z, "g1", "g2", "g3", "g4", "long", "j8", "j10", "s7", "s8"),
+        *((0.975, 314), (0.992, 286), (0.999, 266), (0.980, 191), (0.994, 185), (0.994, 96)),
+        *((0.963, 452), (0.889, 476), (0.970, 434), (0.989, 394), (0.674, 512), (0.958, 295), (0.940, 400)),
+        *((0.993, 173), (0.997, 357)),
+    ),
+    "DeepLTL": _each(
+        (*_Z, "long"),
+        *((0.922, 303), (0.912, 300), (0.962, 260), (0.901, 203), (0.912, 187), (0.978, 106), (0.943, 322)),
+    ),
+    "RAD": _each(
+        (*_Z, "long"),
+        *((0.940, 470), (0.881, 474), (0.961, 399), (0.917, 305), (0.866, 337), (0.987, 149), (0.655, 490)),
+    ),
+    "LTL2Action": _each(_Z, (0.595, 424), (0.142, 417), (0.667, 414), (0.690, 332), (0.660, 293), (0.930, 124)),
+}
+"""The open ZoneEnv, by method and task."""
+
+ZONES_DISCOUNTED = {"GenZ-LTL": {"z": 0.646, "maps": 0.611}}
+"""Over z1 to z6, and over the 50 tasks on their maps."""
+
+STEP_BOUND = {"z1": 116, "z2": 128, "z3": 95, "z4": 105, "z5": 87, "z6": 71}
+"""Fewest steps that the maps allow: straight lines at full thrust without a turn; means over 3,000 maps, computed."""
+
+_LETTERS = ("letters_1", "letters_2", "letters_3", "letters_4", "letters_5", "letters_avoid_6", "letters_reach_12")
+LETTERS = {
+    "DeepLTL": _each(
+        _LETTERS,
+        *((0.999, 9.7), (0.982, 7.3), (1.000, 12.2), (0.969, 12.1), (0.997, 9.5), (0.950, 24.9), (0.980, 43.3)),
+    ),
+    "GCRL-LTL": _each(_LETTERS[:5], (0.937, 15.3), (0.935, 9.8), (0.998, 20.7), (0.816, 14.6), (0.998, 25.6))
+    | {"letters_avoid_6": Published(0.616), "letters_reach_12": Published(0.933)},
+    "LTL2Action": _each(_LETTERS[:5], (0.754, 29.5), (0.794, 19.0), (0.406, 40.3), (0.715, 28.8), (0.441, 31.8))
+    | {"letters_avoid_6": Published(0.130), "letters_reach_12": Published(0.892)},
+}
+"""LetterWorld on random maps."""
+
+FLAT = {
+    "DeepLTL": _each(
+        ("flat_1", "flat_2", "flat_3", "flat_4", "flat_5"),
+        *((1.000, 79.7), (0.999, 52.8), (0.978, 71.8), (0.860, 43.9), (0.996, 37.0)),
+    ),
+    "GCRL-LTL": {f"flat_{n}": Published(value) for n, value in enumerate((0.818, 0.000, 0.726, 0.725, 0.636), start=1)},
+    "LTL2Action": {
+        f"flat_{n}": Published(value) for n, value in enumerate((0.999, 0.628, 0.714, 0.073, 0.562), start=1)
+    },
+}
+
+LTL2ACTION_RETURN = 0.670
+"""Discounted return on `Until_1_2_1_1` after 19 million frames, pre-trained, 30 seeds: the walled ZoneEnv."""
+
+SCRIPT_WATER = Published(0.95, 112)
+"""The scripted player of this project on `phi_water`, random maps."""

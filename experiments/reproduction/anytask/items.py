@@ -1,0 +1,71 @@
+"""The items of agents for any task: what docs/zeroshot.md shows, and the runs of each."""
+
+from functools import partial
+
+from experiments.paper import published_any as published
+from experiments.reproduction.anytask import suites
+from experiments.reproduction.anytask.runs import MEMORIES
+from experiments.reproduction.plan import Item
+from experiments.reproduction.sections import anytask
+
+GROUP = "any"
+"""What ``--only`` calls all of them."""
+
+_CODES = tuple(
+    f"any-zones{name}"
+    for name in (
+        *("", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
+        *("-roles-merged", "-names", "-nothing", "-transformer-fresh"),
+    )
+)
+_PRETRAINED = tuple(f"any-pretraining-{name}" for name in ("automaton", "transformer", "rgcn", "gru"))
+_MEMORIES = tuple(f"any-memory-{name}" for name in MEMORIES)
+
+ANY_ITEMS: dict[str, Item] = {
+    "any-open": Item(
+        "The open ZoneEnv (`PointLtl2-v0`): one agent, formulas that it was not trained on",
+        ("any-zones",),
+        anytask.tasks_of_run(
+            "any-zones",
+            published.ZONES,
+            anytask.ZONE_BARS,
+            {"z1 to z6": suites.ZONE_Z, "g1 to s8": suites.ZONE_HARD},
+        ),
+    ),
+    "any-walled": Item(
+        "The paper's walled ZoneEnv with MJX, random maps",
+        ("any-walls",),
+        anytask.tasks_of_run("any-walls", bars=anytask.WALL_BARS),
+    ),
+    "any-letterworld": Item(
+        "LetterWorld, random maps",
+        ("any-letters",),
+        anytask.tasks_of_run(
+            "any-letters", published.LETTERS, anytask.LETTER_BARS, {"letters_1 to 5": suites.LETTERS.tasks[:5]}
+        ),
+    ),
+    "any-flatworld": Item(
+        "FlatWorld",
+        ("any-flat",),
+        anytask.tasks_of_run("any-flat", published.FLAT, anytask.FLAT_BARS, {"flat_1 to 5": suites.FLAT.tasks}),
+    ),
+    "any-waterworld": Item(
+        "WaterWorld, random maps",
+        ("any-water",),
+        anytask.tasks_of_run("any-water", {"a script": {"phi_water": published.SCRIPT_WATER}}, anytask.WATER_BARS),
+    ),
+    "any-codes": Item(
+        "Which code generalises: representations and levels, in the open ZoneEnv",
+        (*_CODES, *_PRETRAINED),
+        anytask.levels,
+        smoke=("any-zones-transformer", "any-zones-names"),
+    ),
+    "any-memory": Item(
+        "Memory: the open ZoneEnv with a lidar of 1.2 m",
+        _MEMORIES,
+        partial(anytask.memory, _MEMORIES),
+        smoke=("any-memory-gru",),
+    ),
+    "any-certificates": Item("A certificate for each formula", ("any-zones",), partial(anytask.certified, "any-zones")),
+}
+"""By the names that ``--only`` takes."""

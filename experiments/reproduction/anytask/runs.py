@@ -1,0 +1,194 @@
+"""The trainings of agents for any task, by name. Frames and seeds are those that a budget of minutes on GPUs allows."""
+
+from dataclasses import replace
+from typing import Any
+
+from envs import zones
+from envs.zones import ZoneConfig, ZoneEnv
+from experiments import configs, controls  # noqa: F401, registers the configurations
+from experiments.reproduction.anytask import suites
+from experiments.reproduction.plan import Run
+from t2tl_jax.ltl import Chains, Conjunction, Disjunction, Mixture, Named
+from t2tl_jax.networks.automaton_encoder import AutomatonConfig
+from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.networks.lookahead import LookaheadConfig
+from t2tl_jax.networks.rgcn import RGCNConfig
+from t2tl_jax.networks.roles import RolesConfig
+from t2tl_jax.networks.state_encoders import FlatConfig
+from t2tl_jax.networks.task_encoder import TaskEncoderConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.registry import named_config
+from t2tl_jax.runs.config import Config, PoolConfig, SelectionConfig
+from t2tl_jax.runs.convergence import ConvergenceConfig
+from t2tl_jax.runs.pretraining_schedule import SCHEDULE
+from t2tl_jax.single_state import SingleStateConfig
+
+FIRST_SEED = 24
+"""As in the runs on `phi_zone`: no search had seeds from 12 to 99."""
+
+HEADLINE_SEEDS, ENCODER_SEEDS, MEMORY_SEEDS = "10", "4", "12"
+
+ENCODER_FRAMES, FRESH_FRAMES, PRETRAINING_FRAMES, MEMORY_FRAMES = 20_000_000, 8_000_000, 3_000_000, 10_000_000
+
+MEMORY_RANGE = 1.2
+"""Metres that the lidar reaches, linearly, in SpecRLBench's partially observed worlds."""
+
+MEMORY_STEPS = 32
+"""Steps of the windows: in so many the robot goes a metre at most."""
+
+PAPER_COLOURS = ("Black", "White", "Red", "Yellow")
+
+WIDE = Mixture(
+    (
+        Chains(depth=(1, 4)),
+        Conjunction(Chains(depth=(1, 2)), (2, 3)),
+        Disjunction(Chains(depth=(1, 2)), (2, 2)),
+        Named("Until_1_2_1_2"),
+        Named("Eventually_1_3_1_3"),
+    )
+)
+"""What encoders are pre-trained on in the world of a single state: wider than what the agents are trained on."""
+
+LEARNED: dict[str, TaskEncoderConfig] = {
+    "transformer": TransformerConfig(),
+    "automaton": AutomatonConfig(),
+    "rgcn": RGCNConfig(),
+    "gru": GRUConfig(output=32),
+}
+"""Codes with parameters, which are pre-trained and then kept: from scratch they are not learned, see the last run."""
+
+WITHOUT_PARAMETERS: dict[str, TaskEncoderConfig] = {
+    "lookahead": LookaheadConfig(farther=True),
+    "names": controls.NamesConfig(),
+    "nothing": controls.NothingConfig(),
+}
+
+MEMORIES = ("t1tl", "t2tl", "gru")
+
+ANY_AGENTS = ("any-zones", "any-letters", "any-flat", "any-water", "any-walls")
+"""Agents that are kept, to be played by others."""
+
+
+def any_runs() -> dict[str, Run]:
+    """Every run of agents for any task."""
+    return {**_headline(), **_encoders(), **_memory()}
+
+
+def _headline() -> dict[str, Run]:
+    zone = named_config("zones_any")
+    zone = _without(zone, (*suites.ZONE_Z, *suites.ZONE_HARD, *suites.ZONE_DEEP, *suites.ZONE_WIDE))
+    zone = _with(zone, learner={"anneal_learning_rate": True}, network={"task_encoder": _room_for(10)})
+    walls = replace(_without(zone, suites.WALLS.tasks), env=ZoneConfig(layout="random"), frames=20_000_000)
+    letters = _without(named_config("letters_any"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
+    water = replace(named_config("water_any"), frames=60_000_000)
+    flat = named_config("flat_any")
+    tested: dict[str, tuple[Config, dict[str, Any]]] = {
+        "any-zones": (
+            zone,
+            {
+                "suites": (suites.ZONES, suites.ZONE_MAPS, *suites.MORE_COLOURS),
+                "certified": (*suites.ZONE_Z, *suites.ZONE_HARD),
+                "drawn": ("z1", "long", "j10", "s8"),
+            },
+        ),
+        "any-water": (water, {"suites": (suites.WATER,)}),
+        "any-walls": (walls, {"suites": (suites.UNTIL, suites.WALLS)}),
+        "any-letters": (letters, {"suites": (suites.LETTERS, suites.LETTERS_LONG, suites.LETTER_MAPS)}),
+        "any-flat": (flat, {"suites": (suites.FLAT,)}),
+    }
+    return {name: _run(config, HEADLINE_SEEDS, early=True, **more) for name, (config, more) in tested.items()}
+
+
+def _encoders() -> dict[str, Run]:
+    """The same task, world and budget with other codes. Codes that do not speak of each colour by itself are read
+    beside the observation as it is, and so is the look-ahead once more."""
+    base = _without(
+        named_config("zones_any"), (*suites.ZONE_Z, *suites.ZONE_HARD, *suites.ZONE_DEEP, *suites.ZONE_WIDE)
+    )
+    base = replace(base, frames=ENCODER_FRAMES)
+    flat = _with(base, network={"state": FlatConfig()})
+    tested: dict[str, Any] = {"suites": (suites.ZONES,)}
+    coloured: dict[str, Any] = {"suites": (suites.ZONES, *suites.MORE_COLOURS)}
+    new = {
+        "any-zones-lookahead-merged": _run(_encoder(base, _room_for(10)), ENCODER_SEEDS, **coloured),
+        "any-zones-roles-merged": _run(_encoder(base, RolesConfig(propositions=10)), ENCODER_SEEDS, **coloured),
+    }
+    for name, encoder in WITHOUT_PARAMETERS.items():
+        new[f"any-zones-{name}"] = _run(_encoder(flat, encoder), ENCODER_SEEDS, **tested)
+    for name, encoder in LEARNED.items():
+        before = f"any-pretraining-{name}"
+        new[before] = Run(_pretraining(encoder), seeds=ENCODER_SEEDS, first_seed=FIRST_SEED, evaluated=False)
+        config = replace(_encoder(flat, encoder), pretrained="auto")
+        config = _with(config, network={"freeze_task_encoder": True})
+        more = (suites.EXCHANGED,) if name == "transformer" else ()
+        new[f"any-zones-{name}"] = _run(config, ENCODER_SEEDS, before=before, suites=(suites.ZONES, *more))
+    fresh = replace(_encoder(flat, TransformerConfig()), frames=FRESH_FRAMES)
+    new["any-zones-transformer-fresh"] = _run(fresh, ENCODER_SEEDS, **tested)
+    return new
+
+
+def _memory() -> dict[str, Run]:
+    """Discs that are seen from near only: without memory, and with either reader of the last steps."""
+    base = _without(named_config("zones_any"), suites.ZONE_Z)
+    env: Any = base.env
+    base = replace(base, env=replace(env, lidar_range=MEMORY_RANGE), frames=MEMORY_FRAMES)
+    base = _with(base, network={"state": FlatConfig()})
+    contexts = {
+        "t1tl": None,
+        "t2tl": ContextConfig(length=MEMORY_STEPS),
+        "gru": ContextConfig(length=MEMORY_STEPS, reader=GRUConfig(width=48, output=16)),
+    }
+    return {
+        f"any-memory-{name}": _run(_with(base, network={"context": contexts[name]}), MEMORY_SEEDS) for name in MEMORIES
+    }
+
+
+def _run(config: Config, seeds: str, **more: Any) -> Run:
+    """A run whose agents are also tested on unseen formulas of its own family."""
+    config = replace(
+        config,
+        selection=SelectionConfig(points=0),  # the parameters at the end are reported
+        run=replace(config.run, evaluation_episodes=suites.EPISODES),
+    )
+    return Run(config, seeds=seeds, first_seed=FIRST_SEED, **more)
+
+
+def _without(config: Config, tasks: tuple[str, ...]) -> Config:
+    """The configuration whose training never begins, nor comes to, one of these tasks, whatever its propositions are
+    called; what is left of them when they are begun may be met."""
+    return replace(config, pool=replace(config.pool, unseen=",".join(dict.fromkeys(tasks))))
+
+
+def _pretraining(encoder: TaskEncoderConfig) -> Config:
+    learner: Any = SCHEDULE.learner
+    return replace(
+        SCHEDULE,
+        env=SingleStateConfig(ZoneEnv(zones.OPEN).propositions),
+        task=WIDE,
+        pool=PoolConfig(size=192, rows=768, length=48, period=4),
+        learner=replace(
+            learner,
+            network=replace(learner.network, task_encoder=encoder),
+            num_envs=512,
+            minibatch_size=2048,
+        ),
+        frames=PRETRAINING_FRAMES,
+        convergence=ConvergenceConfig(),
+        selection=SelectionConfig(points=0),
+    )
+
+
+def _room_for(colours: int) -> LookaheadConfig:
+    """The look-ahead with room for more colours than the world of the training has."""
+    return LookaheadConfig(propositions=colours, farther=True)
+
+
+def _encoder(config: Config, encoder: TaskEncoderConfig) -> Config:
+    return _with(config, network={"task_encoder": encoder})
+
+
+def _with(config: Config, learner: dict[str, Any] | None = None, network: dict[str, Any] | None = None) -> Config:
+    """The configuration with other fields of its learner and of its network."""
+    own: Any = config.learner
+    return replace(config, learner=replace(own, network=replace(own.network, **(network or {})), **(learner or {})))

@@ -1,0 +1,322 @@
+"""Agents for any task: what they do on formulas that they were not trained on, beside what others report."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from experiments.paper.published_any import Published
+from experiments.reproduction.anytask import met, suites, tested
+from experiments.reproduction.cells import COST, cost, share, text
+from experiments.reproduction.claims import differences
+from experiments.reproduction.page import table
+from experiments.reproduction.stored import Stored
+from t2tl_jax.evaluation.statistics import CONFIDENCE, Estimate, mean, mean_rate, two_way_mean
+
+SAMPLED, MODE = "sampled", "deterministic"
+
+RANGES = {"success_length": (0.0, np.inf), "discounted_return": (-np.inf, np.inf)}
+"""Of every figure that is no rate."""
+
+Others = Mapping[str, Mapping[str, Published]]
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What is asked of a run, and what decides it."""
+
+    says: str
+    tasks: tuple[str, ...]
+    least: float | None = None
+    most: float | None = None
+    figure: str = "success_rate"
+    policy: str = SAMPLED
+    over: str = "mean"
+    """The mean over tasks and seeds, or the worst seed and task ("worst"), or the mean over seeds of the worst task
+    ("task")."""
+
+
+def figures(run: Stored) -> dict[str, dict[str, dict[str, np.ndarray]]]:
+    """By task, policy and figure: float[seeds], NaN where there is none. Tasks of other worlds name them."""
+    found = {}
+    for part, entry in tested.read(run.path).items():
+        for task, policies in entry.get("tasks", {}).items():
+            suite = _WORLDS.get(part)
+            found[f"{task} ({suite})" if suite else task] = {
+                policy: {name: np.array(values, np.float64) for name, values in of.items()}
+                for policy, of in policies.items()
+            }
+    if (reports := {policy: run.played(policy=policy) for policy in (SAMPLED, MODE)}) and all(reports.values()):
+        found[OWN] = {
+            policy: {
+                name: np.array([seed[name]["value"] for seed in report["seeds"]], np.float64) for name in tested.FIGURES
+            }
+            for policy, report in reports.items()
+            if report is not None
+        }
+    return found
+
+
+OWN = "its own family"
+"""Formulas of the family of the training that it never had, on maps that it never had."""
+
+_WORLDS = {suite.name: suite.name for suite in (*suites.MORE_COLOURS, suites.EXCHANGED)}
+"""Suites whose tasks are also played elsewhere, or otherwise."""
+
+
+def over_seeds(values: np.ndarray, figure: str) -> Estimate:
+    """The mean over seeds."""
+    known = values[np.isfinite(values)]
+    return mean(known, *RANGES[figure]) if figure in RANGES else mean_rate(known)
+
+
+def over_tasks(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> Estimate:
+    """The mean over seeds and tasks, both of them samples."""
+    values = np.stack([of[task][policy][figure] for task in tasks], axis=1)
+    return two_way_mean(values, *RANGES.get(figure, (0.0, 1.0)))
+
+
+def own_family(run: Stored, policy: str = SAMPLED) -> dict[int, float]:
+    """Success by seed on formulas of the training's family that it never had, on maps likewise."""
+    return run.by_seed("success_rate", policy=policy)
+
+
+HEADING = (
+    *("task", "rows met", "renamed", "success", "worst seed", "violation", "ended by env", "time-out", "steps"),
+    *("return", "success of the mode", "steps of the mode"),
+)
+
+
+def tasks_of_run(
+    name: str,
+    others: Others | None = None,
+    bars: Sequence[Bar] = (),
+    means: Mapping[str, tuple[str, ...]] | None = None,
+) -> Callable[[Mapping[str, Stored]], str]:
+    """The section of one run: a line for each task, beside those of others, and what becomes of what is asked.
+
+    Args:
+        name: of the run.
+        others: figures of others by method and task.
+        bars: what is asked.
+        means: lines over several tasks, by what they are called.
+    """
+    return partial(_tasks_of_run, name, others or {}, bars, means or {})
+
+
+def _tasks_of_run(
+    name: str,
+    others: Others,
+    bars: Sequence[Bar],
+    means: Mapping[str, tuple[str, ...]],
+    runs: Mapping[str, Stored],
+) -> str:
+    if name not in runs:
+        return ""
+    run = runs[name]
+    of, shares = figures(run), met.read(run.path)
+    rows = [(task, *_met(shares, task), *_cells(by), *_beside(others, task)) for task, by in of.items()]
+    for called, tasks in means.items():
+        if set(tasks) <= of.keys():
+            rows.append((f"**{called}**", "", "", *_mean_cells(of, tasks), *("" for _ in others)))
+    facts = table(("frames, seeds", *COST[1:]), [(f"{run.frames:,} x {len(run.seeds)}", *cost(run)[1:])])
+    parts = (
+        table((*HEADING, *(f"{method}: success, steps" for method in others)), rows),
+        _rows_note(shares),
+        verdicts(of, bars),
+        facts,
+    )
+    return "\n\n".join(part for part in parts if part)
+
+
+def _met(shares: Mapping[str, Mapping[str, Any]], task: str) -> tuple[str, str]:
+    exactly, renamed = (shares[kind].get(task, "-") for kind in ("exactly", "renamed"))
+    return exactly, renamed
+
+
+def _rows_note(shares: Mapping[str, Mapping[str, Any]]) -> str:
+    rows = shares["rows"]
+    if not rows:
+        return ""
+    return (
+        f"Training met {rows['exactly']:,} open rows, {rows['renamed']:,} up to renaming of propositions, in all its "
+        "pools."
+    )
+
+
+def _cells(by: Mapping[str, Mapping[str, np.ndarray]]) -> list[str]:
+    sampled, mode = by[SAMPLED], by[MODE]
+    return [
+        over_seeds(sampled["success_rate"], "success_rate").text(),
+        f"{np.nanmin(sampled['success_rate']):.3f}",
+        *(f"{np.nanmean(sampled[name]):.3f}" for name in ("violation_rate", "env_termination_rate", "timeout_rate")),
+        over_seeds(sampled["success_length"], "success_length").text(0),
+        over_seeds(sampled["discounted_return"], "discounted_return").text(),
+        over_seeds(mode["success_rate"], "success_rate").text(),
+        over_seeds(mode["success_length"], "success_length").text(0),
+    ]
+
+
+def _mean_cells(of: Mapping[str, Any], tasks: Sequence[str]) -> list[str]:
+    def of_all(figure: str, policy: str = SAMPLED) -> Estimate:
+        return over_tasks(of, tasks, policy, figure)
+
+    worst = min(float(np.nanmin(of[task][SAMPLED]["success_rate"])) for task in tasks)
+    return [
+        of_all("success_rate").text(),
+        f"{worst:.3f}",
+        *(f"{of_all(name).value:.3f}" for name in ("violation_rate", "env_termination_rate", "timeout_rate")),
+        of_all("success_length").text(0),
+        of_all("discounted_return").text(),
+        of_all("success_rate", MODE).text(),
+        of_all("success_length", MODE).text(0),
+    ]
+
+
+def _beside(others: Others, task: str) -> list[str]:
+    return [of[task].text() if task in of else "-" for of in others.values()]
+
+
+def verdicts(of: Mapping[str, Any], bars: Sequence[Bar]) -> str:
+    """What is asked, what was measured, and whether it is reached."""
+    rows = []
+    for bar in bars:
+        if not set(bar.tasks) <= of.keys():
+            continue
+        measured, estimate = _measured(of, bar)
+        reached = (bar.least is None or measured >= bar.least) and (bar.most is None or measured <= bar.most)
+        wanted = f"at least {bar.least:g}" if bar.least is not None else f"at most {bar.most:g}"
+        rows.append((bar.says, wanted, estimate, "reached" if reached else "**not reached**"))
+    return table(("asked", "bar", "measured", ""), rows)
+
+
+def _measured(of: Mapping[str, Any], bar: Bar) -> tuple[float, str]:
+    each = [of[task][bar.policy][bar.figure] for task in bar.tasks]
+    digits = 0 if bar.figure == "success_length" else 3
+    if bar.over == "worst":
+        values = [float(np.nanmin(values)) for values in each]
+    elif bar.over == "task":
+        values = [float(np.nanmean(values)) for values in each]
+    else:
+        estimate = (
+            over_seeds(each[0], bar.figure) if len(each) == 1 else over_tasks(of, bar.tasks, bar.policy, bar.figure)
+        )
+        return (np.nan if estimate.value is None else estimate.value), estimate.text(digits)
+    worst = int(np.argmin(values))
+    return values[worst], f"{values[worst]:.{digits}f} ({bar.tasks[worst]})"
+
+
+LEVELS: dict[str, tuple[str, ...]] = {
+    "z1 to z6": suites.ZONE_Z,
+    "deeper": suites.ZONE_DEEP,
+    "wider": suites.ZONE_WIDE,
+    "new combinations": suites.ZONE_NEW,
+    "harder": suites.ZONE_HARD,
+    **{f"{suite.name}": tuple(f"{task} ({suite.name})" for task in suites.SIX) for suite in suites.MORE_COLOURS},
+    "texts exchanged": tuple(f"{task} ({suites.EXCHANGED.name})" for task in suites.EXCHANGED.tasks),
+}
+"""How far from the training: tasks of each level."""
+
+
+def levels(runs: Mapping[str, Stored]) -> str:
+    """Success of every code at every level, and what each cost."""
+    rows, costs = [], []
+    for name, run in runs.items():
+        if name.startswith("any-pretraining"):
+            continue
+        of, cells = figures(run), []
+        for tasks in LEVELS.values():
+            there = set(tasks) <= of.keys()
+            cells.append(over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if there else "-")
+        label = name.removeprefix("any-zones-") if name != "any-zones" else "the agent above"
+        rows.append((label, share(run.end("success_rate")), share(own_family(run)), *cells))
+        costs.append((label, str(len(run.seeds)), *cost(run)))
+    said = "Success of the sampled policy. Intervals of levels are over seeds and tasks, both as samples."
+    return "\n\n".join(
+        part
+        for part in (
+            table(("code", "training", "same family", *LEVELS), rows),
+            said if rows else "",
+            table(("code", "seeds", *COST), costs),
+        )
+        if part
+    )
+
+
+def memory(names: Sequence[str], runs: Mapping[str, Stored]) -> str:
+    """With and without memory where discs are seen from near only, seed by seed on the same maps."""
+    rows = [
+        (
+            name.removeprefix("any-memory-"),
+            share(own_family(run)),
+            share(own_family(run, MODE)),
+            text(run.by_seed("success_length"), 0),
+            text(run.by_seed("discounted_return")),
+            "-" if run.sizes is None else f"{run.sizes.others:,}",
+            *cost(run),
+        )
+        for name, run in runs.items()
+    ]
+    pairs = [(first, second) for k, first in enumerate(names) for second in names[k + 1 :]]
+    success = {name: own_family(run) for name, run in runs.items()}
+    returns = {name: run.by_seed("discounted_return") for name, run in runs.items()}
+    heading = ("policy", "success", "success of the mode", "steps", "return", "parameters", *COST)
+    parts = (
+        table(heading, rows),
+        differences(runs, pairs, success, "success on unseen formulas and maps"),
+        differences(runs, pairs, returns, "discounted return"),
+    )
+    return "\n\n".join(part for part in parts if part)
+
+
+def certified(name: str, runs: Mapping[str, Stored]) -> str:
+    """Exact bounds for the policy of one seed."""
+    made = tested.read(runs[name].path).get(tested.CERTIFIED) if name in runs else None
+    if made is None:
+        return ""
+    rows = [
+        (
+            task,
+            Estimate(**one["success"]).text(5),
+            Estimate(**one["violation"]).text(5),
+            *(f"{one[what] / made['episodes']:.5f}" for what in ("timeouts", "env_terminations")),
+        )
+        for task, one in made["by_task"].items()
+    ]
+    number = 2 * len(rows)
+    return "\n\n".join(
+        (
+            table(("task", "success", "violation", "time-out", "ended by env"), rows),
+            f"{made['policy']} policy of seed {made['seed']}, {made['episodes']:,} episodes a task, on the maps that "
+            f"are kept for evaluation. Exact binomial intervals (Clopper and Pearson), all {number} of which hold at "
+            f"once with {CONFIDENCE:.0%}. Played in {made['seconds']:.0f} s after {made['compile_seconds']:.0f} s of "
+            "compiling, beside other work on the same GPU.",
+        )
+    )
+
+
+MAPS_50, UNTIL_36 = tested.name_of_maps(50), tested.name_of_all("Until_1_2_1_1", 36)
+
+ZONE_BARS = (
+    Bar("success, mean of z1 to z6", suites.ZONE_Z, least=0.99),
+    Bar("success, worst seed and formula of z1 to z6", suites.ZONE_Z, least=0.97, over="worst"),
+    Bar("steps, mean of z1 to z6", suites.ZONE_Z, most=200, figure="success_length"),
+    Bar("return, mean of z1 to z6", suites.ZONE_Z, least=0.68, figure="discounted_return"),
+    Bar("success, the worst of g1 to g4, long, j8, j10, s7, s8", suites.ZONE_HARD, least=0.97, over="task"),
+    Bar("success on 50 tasks with their maps", (MAPS_50,), least=1.0, policy=MODE),
+    Bar("return on 50 tasks with their maps", (MAPS_50,), least=0.66, figure="discounted_return", policy=MODE),
+)
+WALL_BARS = (
+    Bar("success on `Until_1_2_1_1`", (UNTIL_36,), least=0.98),
+    Bar("return on `Until_1_2_1_1`", (UNTIL_36,), least=0.72, figure="discounted_return"),
+    Bar("success on `phi_zone`", ("phi_zone",), least=0.98),
+)
+LETTER_BARS = (Bar("success, the worst of letters_1 to letters_5", suites.LETTERS.tasks[:5], least=0.99, over="task"),)
+FLAT_BARS = (Bar("success, the worst of flat_1 to flat_5", suites.FLAT.tasks, least=0.99, over="task"),)
+WATER_BARS = (
+    Bar("success on `phi_water`", ("phi_water",), least=0.99),
+    Bar("steps on `phi_water`", ("phi_water",), most=76, figure="success_length"),
+    Bar("success on unseen chains over eight colours", (OWN,), least=0.95),
+)

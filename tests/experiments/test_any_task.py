@@ -1,0 +1,222 @@
+"""Agents for any task: what they are tested on, what is stored of it, what training met, and the page made of it."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import jax
+import numpy as np
+import pytest
+
+import t2tl_jax
+import tests.fake_learner  # noqa: F401
+from envs.zones import OPEN, ZoneEnv
+from experiments.controls import NamesConfig, NamesTaskEncoder
+from experiments.paper import fixed_set
+from experiments.reproduction import stored
+from experiments.reproduction.anytask import met, picture, suites, tested
+from experiments.reproduction.anytask.suites import Suite
+from experiments.reproduction.plan import Run
+from experiments.reproduction.runs import all_runs
+from experiments.reproduction.sections import anytask
+from experiments.reproduction.sections.anytask import Bar
+from t2tl_jax.ltl import Chains, Limits, compile_tasks, resolve_tasks
+from t2tl_jax.registry import make_env, named_config
+from t2tl_jax.runs.config import PoolConfig
+from tests.fake_learner import CONFIG
+from tests.made_up_runs import write
+
+COLOURS = ("Blue", "Green", "Magenta", "Yellow")
+FEW = 20
+
+
+@pytest.fixture(scope="module")
+def run():
+    """A run of the fake learner that is tested on two suites, and has a certificate."""
+    own = (Suite("one by one", ("F Red", "!Yellow U Black")), Suite("in turns", ("F Red",), "together"))
+    return Run(CONFIG, suites=own, certified=("F Red",))
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory, run):
+    """Trained and tested."""
+    done = t2tl_jax.train("fake", seeds=[7, 1], folder=tmp_path_factory.mktemp("any") / "run")
+    assert tested.missing(run, "smoke", done.folder) == ["one by one", "in turns", tested.CERTIFIED]
+    tested.add(run, "smoke", done, ["one by one"])
+    assert tested.missing(run, "smoke", done.folder) == ["in turns", tested.CERTIFIED]
+    tested.add(run, "smoke", done, ["in turns", tested.CERTIFIED])
+    return done
+
+
+def test_what_was_played_is_stored_by_seed_and_is_not_played_again(run, result):
+    assert tested.is_complete(run, "smoke", result.folder) and not tested.is_complete(run, "full", result.folder)
+    found = tested.read(result.folder)
+    assert list(found["one by one"]["tasks"]) == ["F Red", "!Yellow U Black"]
+    assert list(found["in turns"]["tasks"]) == ["F Red, all 1"]
+    assert found[tested.CERTIFIED]["episodes"] == 20 and found[tested.CERTIFIED]["seed"] == 7
+    for policy in ("sampled", "deterministic"):
+        figures = found["one by one"]["tasks"]["F Red"][policy]
+        assert set(figures) == set(tested.FIGURES) and all(len(values) == 2 for values in figures.values())
+        rates = [figures[name] for name in tested.FIGURES if name.endswith("_rate")]
+        np.testing.assert_allclose(np.sum(rates, axis=0), 1.0)
+
+
+def test_the_stored_figures_are_those_of_an_evaluation(result):
+    report = result.evaluate(tasks=["!Yellow U Black"], episodes=2)["!Yellow U Black"]["sampled"]
+    known = tested.read(result.folder)["one by one"]["tasks"]["!Yellow U Black"]["sampled"]
+    assert known["violation_rate"] == [seed.violation_rate.value for seed in report.seeds]
+    assert known["discounted_return"] == pytest.approx([seed.discounted_return.value for seed in report.seeds])
+
+
+def test_stored_tests_are_text_of_few_lines(result):
+    text = (result.folder / tested.FILE).read_text(encoding="utf-8")
+    assert json.loads(text) == tested.read(result.folder) and len(text.splitlines()) < FEW
+
+
+def test_the_small_family_is_listed_as_a_whole():
+    """36 formulas over four colours: three pairs of colours that differ, as zeroshot tests of others count them."""
+    found = tested.every_task("Until_1_2_1_1", COLOURS)
+    assert len(found) == len(set(found)) == 36
+    assert tested.name_of_all("Until_1_2_1_1", len(found)) == anytask.UNTIL_36
+    assert tested.every_task("z1", COLOURS) == list(resolve_tasks("z1").values())
+
+
+def test_rows_that_exchange_their_texts_stay_what_they_are():
+    table = compile_tasks(["F(Blue & F Green)"], COLOURS, "at_most_one")
+    other = tested.exchanged(table)
+    texts = [table.text(row) for row in range(table.num_rows)]
+    shown = [other.text(row) for row in range(table.num_rows)]
+    assert sorted(shown) == sorted(texts) and shown[:2] == texts[:2]
+    assert all(one != another for one, another in zip(shown[2:], texts[2:], strict=True))
+    np.testing.assert_array_equal(other.verdict, table.verdict)
+
+
+def test_every_task_of_the_fixed_set_meets_its_own_map():
+    env = ZoneEnv(replace(OPEN, physics="closed_form", pool_size=2))
+    config = replace(CONFIG, limits=Limits())
+    table = compile_tasks(["F Blue"], env.propositions, env.alphabet)
+    given = SimpleNamespace(experiment=SimpleNamespace(env=env, config=config, table=table), seeds=(0, 1))
+    tables, worlds = tested.on_maps(given, "zones", None)
+    assert len(tables) == len(worlds) == 50
+    for number in (0, 49):
+        line = fixed_set.ZONES[number]
+        seed = jax.tree.map(lambda x: x[1], worlds[number])
+        state = env.reset(jax.random.key(3), seed).pipeline_state
+        np.testing.assert_allclose(state.qpos, fixed_set.start(line), rtol=1e-6)
+        np.testing.assert_allclose(state.zones, fixed_set.discs(line), rtol=1e-6)
+        (row,) = np.asarray(tables[number].initial_row)
+        wanted = compile_tasks([str(fixed_set.formulas("zones")[number])], env.propositions, env.alphabet)
+        assert tables[number].text(int(row)) == wanted.text(int(wanted.initial_row[0]))
+
+
+def test_what_training_met_is_counted_in_its_own_pools():
+    config = replace(
+        named_config("zones_any"),
+        task=Chains((2, 2), (1, 1), (0, 1)),
+        pool=PoolConfig(size=6, rows=64, period=64, finish=True, unseen="F(Blue & F Yellow)"),
+    )
+    tasks = ["F Blue", "F(Blue & F Yellow)", "F(Blue | Green)"]
+    shares = met.shares(config, {name: [formula] for name, formula in resolve_tasks(tasks).items()})
+    assert shares["renamed"] == {"F Blue": "1/1", "F(Blue & F Yellow)": "1/2", "F(Blue | Green)": "0/1"}
+    exactly, renamed = met.rows_trained_on(config, make_env(config.env))
+    assert shares["rows"] == {"exactly": len(exactly), "renamed": len(renamed)} and len(renamed) < len(exactly)
+
+
+def test_a_code_of_names_tells_rows_apart_and_is_the_same_in_every_table():
+    one, two = (compile_tasks([task], COLOURS, "at_most_one") for task in ("F(Blue & F Green)", "F(Green & F Green)"))
+    first, second = (np.asarray(NamesTaskEncoder(NamesConfig()).apply({}, table)) for table in (one, two))
+    rows = [[table.text(row) for row in range(table.num_rows)] for table in (one, two)]
+    np.testing.assert_array_equal(first[rows[0].index("F Green")], second[rows[1].index("F Green")])
+    assert len({code.tobytes() for code in first}) == len(first)
+    assert not np.array_equal(first[int(one.initial_row[0])], second[int(two.initial_row[0])])
+
+
+def figures(success):
+    """What is stored of a task, the same for both policies."""
+    rest = {"violation_rate": 0.0, "timeout_rate": 0.0, "env_termination_rate": 0.01, "discounted_return": 0.7}
+    of = {name: [value] * len(success) for name, value in (rest | {"success_length": 150.0}).items()}
+    return {policy: of | {"success_rate": list(success)} for policy in ("sampled", "deterministic")}
+
+
+@pytest.fixture
+def zones(tmp_path):
+    """A run of which two seeds were tested on z1 to z6, once with other texts."""
+    made = write(tmp_path / "any-zones", all_runs()["any-zones"].config, seeds=(24, 25))
+    tasks = {name: figures((1.0, 0.99)) for name in suites.ZONE_Z} | {"z6": figures((1.0, 0.9))}
+    exchanged = {name: figures((0.1, 0.1)) for name in suites.ZONE_Z}
+    content = {"zones": {"scale": "full", "tasks": tasks}, "texts exchanged": {"scale": "full", "tasks": exchanged}}
+    (made.path / tested.FILE).write_text(json.dumps(content))
+    (made.path / met.FILE).write_text(
+        json.dumps({"exactly": {"z1": "3/5"}, "renamed": {"z1": "4/5"}, "rows": {"exactly": 9, "renamed": 8}})
+    )
+    return made
+
+
+def cells(text):
+    """The cells of every row of every table, by its first one."""
+    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    return {line[0]: line[1:] for line in lines}
+
+
+def test_the_page_shows_every_formula_beside_the_figures_of_others(zones):
+    from experiments.reproduction.items import ITEMS
+
+    rows = cells(ITEMS["any-open"].section({"any-zones": zones}))
+    assert rows["z1"][:2] == ["3/5", "4/5"] and rows["z2"][:2] == ["-", "-"]
+    assert rows["z6"][2].startswith("0.950 [") and rows["z6"][3] == "0.900"
+    assert rows["z1"][-4:] == ["0.975, 314", "0.922, 303", "0.940, 470", "0.595, 424"]
+    assert rows["**z1 to z6**"][2].startswith("0.988 [") and rows["**z1 to z6**"][3] == "0.900"
+    asked = {name: row for name, row in rows.items() if row[-1] in ("reached", "**not reached**")}
+    assert asked["success, worst seed and formula of z1 to z6"] == ["at least 0.97", "0.900 (z6)", "**not reached**"]
+    assert asked["steps, mean of z1 to z6"][-1] == "reached" and len(asked) == 4  # of the rest nothing was played
+    assert ITEMS["any-open"].section({}) == ""
+
+
+def test_bars_are_reached_or_not():
+    of = {"a": figures((1.0, 0.9)), "b": figures((0.98, 0.98))}
+
+    def said(**bar):
+        return cells(anytask.verdicts(of, [Bar("x", ("a", "b"), **bar)]))["x"][-2:]
+
+    assert said(least=0.96)[1] == "reached" and said(least=0.97)[1] == "**not reached**"
+    assert said(least=0.95, over="task") == ["0.950 (a)", "reached"]
+    assert said(least=0.95, over="worst") == ["0.900 (a)", "**not reached**"]
+    assert said(most=150, figure="success_length")[1] == "reached"
+    assert anytask.verdicts(of, [Bar("x", ("a", "c"), least=0.1)]) == ""
+
+
+def test_levels_show_codes_side_by_side_and_what_was_not_played(zones):
+    row = cells(anytask.levels({"any-zones-transformer": zones}))["transformer"]
+    heading = ["training", "same family", *anytask.LEVELS]
+    assert row == ["1 s"] or len(row) in (len(heading), 4)
+    table = anytask.levels({"any-zones-transformer": zones}).split("\n\n")[0]
+    shown = dict(zip(heading, cells(table)["transformer"], strict=True))
+    assert shown["z1 to z6"].startswith("0.99 [") and shown["deeper"] == "-"
+    assert shown["texts exchanged"].startswith("0.10")
+
+
+def test_few_iterations_are_kept_as_they_are(tmp_path):
+    made = write(tmp_path / "run", CONFIG, seeds=(0, 1), iterations=10, success_rate=np.arange(20).reshape(2, 10) / 20)
+    stored._copy_metrics(made.path / "metrics.csv", tmp_path / "all.csv", None)
+    assert (tmp_path / "all.csv").read_text() == (made.path / "metrics.csv").read_text().replace("\r\n", "\n")
+    stored._copy_metrics(made.path / "metrics.csv", tmp_path / "few.csv", 4)
+    header, *rows = (tmp_path / "few.csv").read_text().splitlines()
+    assert [row.split(",")[0] for row in rows] == ["4", "4", "8", "8"]
+    assert set(rows) < set((tmp_path / "all.csv").read_text().splitlines()) and header.startswith("iteration,")
+
+
+def test_the_picture_shows_what_is_stored(zones, tmp_path):
+    episode = {"task": "z1", "outcome": "done", "steps": 10, "way": [[0, 0], [1, 1]], "changes": [[1, 1]]}
+    episode["discs"] = [[0.5 * k - 2, 1.0] for k in range(8)]
+    made = {"seed": 24, "policy": "deterministic", "episodes": [episode, episode | {"task": "s8"}]}
+    content = tested.read(zones.path) | {tested.DRAWN: made}
+    assert picture.of_runs({"any-zones": zones}) == {}
+    (zones.path / tested.FILE).write_text(json.dumps(content))
+    drawn = picture.of_runs({"any-zones": zones})[picture.ITEM]
+    drawn.draw(tmp_path / "x.png")
+    from experiments.reproduction.pictures import drawn as digest_of
+
+    assert digest_of(tmp_path / "x.png") == drawn.digest()
+    episode["way"] = [[0, 0], [1, 2]]
+    (zones.path / tested.FILE).write_text(json.dumps(content))
+    assert picture.of_runs({"any-zones": zones})[picture.ITEM].digest() != drawn.digest()
