@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from random import Random
 from types import SimpleNamespace
 
 import jax
@@ -20,7 +21,7 @@ from experiments.reproduction.plan import Run
 from experiments.reproduction.runs import all_runs
 from experiments.reproduction.sections import anytask
 from experiments.reproduction.sections.anytask import Bar
-from t2tl_jax.ltl import Chains, Limits, compile_tasks, resolve_tasks
+from t2tl_jax.ltl import Chains, Limits, compile_tasks, make_sampler, resolve_tasks
 from t2tl_jax.registry import make_env, named_config
 from t2tl_jax.runs.config import PoolConfig
 from tests.fake_learner import CONFIG
@@ -129,6 +130,15 @@ def test_a_code_of_names_tells_rows_apart_and_is_the_same_in_every_table():
     np.testing.assert_array_equal(first[rows[0].index("F Green")], second[rows[1].index("F Green")])
     assert len({code.tobytes() for code in first}) == len(first)
     assert not np.array_equal(first[int(one.initial_row[0])], second[int(two.initial_row[0])])
+
+
+def test_every_run_can_draw_its_tasks():
+    """Pre-trainings too: a mixture is drawn from until each of its families was."""
+    for name, run in all_runs().items():
+        if name.startswith("any-"):
+            propositions = make_env(run.config.env).propositions
+            draw, rng = make_sampler(run.config.task, propositions), Random(0)
+            assert len({draw(rng) for _ in range(50)}) > 10, name
 
 
 def figures(success):

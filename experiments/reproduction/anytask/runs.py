@@ -44,7 +44,7 @@ WIDE = Mixture(
         Chains(depth=(1, 4)),
         Conjunction(Chains(depth=(1, 2)), (2, 3)),
         Disjunction(Chains(depth=(1, 2)), (2, 2)),
-        Named("Until_1_2_1_2"),
+        Named("Until_1_2_1_1"),
         Named("Eventually_1_3_1_3"),
     )
 )
