@@ -154,6 +154,8 @@ def mjx_point(iterations: int) -> Any:
     point = MjxPoint()
     # Nobody but this comparison wants another number, so it is no argument there.
     point._model = point._model.replace(opt=point._model.opt.replace(iterations=iterations))
+    # Several steps are a loop, which has no straight-line form.
+    point._substep = point.mujoco_substep  # type: ignore[method-assign]
     return point
 
 

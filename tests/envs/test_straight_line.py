@@ -1,0 +1,84 @@
+"""Straight-line arithmetic: the numbers of the function it was made of, by fewer operations, or a refusal."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from envs.straight_line import straight_line
+from envs.zones.point_mjx import MjxPoint
+from tests.operations import operations
+
+MATRIX, VECTOR = jax.ShapeDtypeStruct((3, 3), jnp.float32), jax.ShapeDtypeStruct((3,), jnp.float32)
+LONG = 48
+
+
+def moved(m, v):
+    v = v.at[jnp.array([2, 0])].set(v[jnp.array([0, 1])]).at[1].add(m[0, 1]).at[0].multiply(2.0)
+    return jnp.cumsum(v), m[:, jnp.array([2, 2, 0])].T.reshape(9)[::2], jnp.tile(v, 2)[1:5]
+
+
+def factored(m, v):
+    h = jax.scipy.linalg.cho_factor(m @ m.T + 3.0 * jnp.eye(3))
+    return jax.scipy.linalg.cho_solve(h, v), jnp.linalg.norm(m, axis=1)
+
+
+def chosen(m, v):
+    best = jnp.argmin(jnp.where(v > 0, v, jnp.inf))
+    v = jax.lax.cond(v.sum() > 0, lambda v: v + 1.0, lambda v: v * 2.0, v)
+    v, seen = jax.lax.scan(lambda v, row: (v * row + m[0], v.max()), v, m)
+    return m[best], v, seen, (v > 0).any(), v.astype(jnp.int32)
+
+
+def rows(m, v):
+    """Forty-eight numbers, most of them made of the same three."""
+    long = jnp.tile(v, LONG // 3) * jnp.arange(LONG) + jnp.repeat(m[0], LONG // 3)
+    jacobian = jnp.stack([long, jnp.ones(LONG), jnp.zeros(LONG)], axis=1)
+    active = (long < 0).at[:5].set(True)
+    return (jacobian.T * active) @ jacobian, long[7], jnp.square(long).max(), jnp.where(active, long, 1.0)
+
+
+@pytest.mark.parametrize("function", [moved, factored, chosen, rows], ids=lambda function: function.__name__)
+def test_numbers_are_those_of_the_function_batched_or_not(function):
+    same, rng = straight_line(function, MATRIX, VECTOR), np.random.default_rng(0)
+    m, v = (jnp.asarray(rng.normal(size=(4, 2, *x.shape)), jnp.float32) for x in (MATRIX, VECTOR))
+
+    def compare(wrap, *given):
+        for one, other in zip(*(jax.jit(wrap(f))(*given) for f in (same, function)), strict=True):
+            assert one.dtype == other.dtype
+            np.testing.assert_allclose(one, other, rtol=2e-5, atol=2e-5)
+
+    compare(lambda f: f, m[0, 0], v[0, 0])
+    compare(lambda f: jax.vmap(jax.vmap(f)), m, v)
+    compare(lambda f: jax.vmap(jax.vmap(f, in_axes=(0, None))), m, v[:, 0])
+
+
+def test_what_is_known_or_the_same_is_not_computed_again():
+    def wasteful(v):
+        turned = jnp.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]) @ v
+        return turned, jnp.sin(v[0]) + jnp.sin(v[0]), jnp.sqrt(jnp.full(3, 4.0))
+
+    found = operations(straight_line(wasteful, VECTOR), jnp.ones(3))
+    assert (found["mul"], found["neg"], found["sin"], found["sqrt"], found["dot_general"]) == (0, 1, 1, 0, 0)
+
+
+def test_what_has_no_rule_is_refused():
+    with pytest.raises(NotImplementedError, match="no rule for while"):
+        straight_line(lambda v: jax.lax.while_loop(lambda v: v.sum() < 9, lambda v: 2 * v, v), VECTOR)
+    with pytest.raises(NotImplementedError, match="a position that is computed"):
+        straight_line(lambda v: v[v.astype(int)], VECTOR)
+
+
+@pytest.mark.slow
+def test_mujoco_in_a_straight_line_moves_the_robot_as_mjx_does():
+    point, rng, count = MjxPoint(), np.random.default_rng(0), 512
+    limits = np.array([2.45, 2.45, 4.0, 1.0, 1.0, 5.0, 1.0, 1.0])  # many of them in a wall
+    given = jnp.asarray(rng.uniform(-limits, limits, (count, 8)).T, jnp.float32)
+    straight, plain = (jax.jit(jax.vmap(f))(*given) for f in (point._substep, point.mujoco_substep))
+    plain = np.stack(plain)
+    scale = np.abs(plain).max(axis=1, keepdims=True)
+    assert (np.abs(plain[6:8]).max(axis=1) > 100).all()  # some of them are pushed back
+    np.testing.assert_allclose(np.stack(straight) / scale, plain / scale, atol=1e-5)
+
+    before, after = (operations(f, *given[:, 0]).total() for f in (point.mujoco_substep, point._substep))
+    assert after < 0.5 * before

@@ -1,0 +1,21 @@
+"""The operations of a traced function: what it costs, counted without compiling it."""
+
+from collections import Counter
+
+import jax
+
+
+def operations(function, *given):
+    """How many there are of each by name, those inside of loops and calls included, once each."""
+    return inside(jax.make_jaxpr(function)(*given).jaxpr)
+
+
+def inside(jaxpr):
+    """The same of a jaxpr."""
+    found = Counter()
+    for equation in jaxpr.eqns:
+        parts = jax.tree.leaves(equation.params, is_leaf=lambda x: hasattr(x, "jaxpr"))
+        parts = [part.jaxpr for part in parts if hasattr(part, "jaxpr")]
+        found[equation.primitive.name] += not parts
+        found.update(sum(map(inside, parts), Counter()))
+    return found
