@@ -44,7 +44,7 @@ def test_every_run_has_a_configuration_at_either_scale(runs, scale):
     for name, run in runs.items():
         if run.measure is None:
             config = Scale(scale, "12").apply(run)
-            assert config.frames <= (60_000_000 if name.startswith("any-") else 10_000_000)
+            assert config.frames <= (40_000_000 if name.startswith("any-") else 10_000_000)
             assert scale == "full" or config.frames <= 3 * config.learner.frames_per_iteration, name
             assert (run.before is not None) == bool(config.pretrained), name
 

@@ -29,13 +29,13 @@ FIRST_SEED = 24
 
 HEADLINE_SEEDS, ENCODER_SEEDS, MEMORY_SEEDS = "10", "4", "12"
 
-ENCODER_FRAMES, FRESH_FRAMES, PRETRAINING_FRAMES, MEMORY_FRAMES = 20_000_000, 8_000_000, 3_000_000, 10_000_000
+ENCODER_FRAMES, FRESH_FRAMES, PRETRAINING_FRAMES, MEMORY_FRAMES = 20_000_000, 8_000_000, 3_000_000, 8_000_000
 
 MEMORY_RANGE = 1.2
 """Metres that the lidar reaches, linearly, in SpecRLBench's partially observed worlds."""
 
-MEMORY_STEPS = 32
-"""Steps of the windows: in so many the robot goes a metre at most."""
+MEMORY_STEPS = 24
+"""Steps of the windows: in so many the robot goes 0.7 m at most."""
 
 PAPER_COLOURS = ("Black", "White", "Red", "Yellow")
 
@@ -51,7 +51,7 @@ WIDE = Mixture(
 """What encoders are pre-trained on in the world of a single state: wider than what the agents are trained on."""
 
 LEARNED: dict[str, TaskEncoderConfig] = {
-    "transformer": TransformerConfig(),
+    "transformer": TransformerConfig(output=32),
     "automaton": AutomatonConfig(),
     "rgcn": RGCNConfig(),
     "gru": GRUConfig(output=32),
@@ -81,8 +81,8 @@ def _headline() -> dict[str, Run]:
     zone = _with(zone, learner={"anneal_learning_rate": True}, network={"task_encoder": _room_for(10)})
     walls = replace(_without(zone, suites.WALLS.tasks), env=ZoneConfig(layout="random"), frames=20_000_000)
     letters = _without(named_config("letters_any"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
-    water = replace(named_config("water_any"), frames=60_000_000)
-    flat = named_config("flat_any")
+    water = replace(named_config("water_any"), frames=40_000_000)
+    flat = replace(named_config("flat_any"), frames=25_000_000)
     tested: dict[str, tuple[Config, dict[str, Any]]] = {
         "any-zones": (
             zone,
@@ -123,7 +123,7 @@ def _encoders() -> dict[str, Run]:
         config = _with(config, network={"freeze_task_encoder": True})
         more = (suites.EXCHANGED,) if name == "transformer" else ()
         new[f"any-zones-{name}"] = _run(config, ENCODER_SEEDS, before=before, suites=(suites.ZONES, *more))
-    fresh = replace(_encoder(flat, TransformerConfig()), frames=FRESH_FRAMES)
+    fresh = replace(_encoder(flat, LEARNED["transformer"]), frames=FRESH_FRAMES)
     new["any-zones-transformer-fresh"] = _run(fresh, ENCODER_SEEDS, **tested)
     return new
 
