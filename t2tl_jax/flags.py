@@ -44,7 +44,8 @@ def parse(
         prog: how the program is called, for its help.
         description: at the top of its help.
         default: instance whose fields the flags replace. Without it the dataclass has no parts, and all of its fields
-            have defaults but for one that may stand before the flags (`tyro.conf.Positional`).
+            have defaults but for one whose words stand by themselves, before or behind the flags
+            (`tyro.conf.Positional`).
         others: flags of the same command that are read elsewhere, and may be what was meant.
 
     Raises:
@@ -56,8 +57,7 @@ def parse(
         tyro.cli(kind, prog=prog, description=description, args=["--help"], config=OPTIONS, **instance)  # type: ignore[call-overload]
     fields, first = dict(_fields(kind if default is None else default)), _positional(kind)
     _refuse_unknown(texts, [*fields, *others], first, prog)
-    given = _grouped(texts)
-    words = given.pop("", [])
+    words, given = _grouped(texts, {} if first is None else fields)
     wrong = [word for word in words if first is None or word.startswith("-")]
     if wrong:
         raise UserError(f"every option begins with --, got {wrong[0]!r}; see {prog} --help")
@@ -76,17 +76,15 @@ def parse(
 
 
 def _positional(kind: type) -> str | None:
-    """The field whose words stand before all options, such as the folder of a run; None if there is none."""
+    """The field whose words stand by themselves, such as the folder of a run; None if there is none."""
     hints = typing.get_type_hints(kind, include_extras=True)
     return next((name for name, hint in hints.items() if tyro.conf.Positional in get_args(hint)[1:]), None)
 
 
 def _first_words(name: str, hint: Any, words: Sequence[str], prog: str) -> Any:
-    """What the words before all options mean: one thing, or a tuple of as many as there are."""
+    """What the words that belong to no option mean: one thing, or a tuple of as many as there are."""
     if get_origin(get_args(hint)[0]) is not tuple and len(words) != 1:
-        raise UserError(
-            f"{prog} takes one {name} before its options, got {' '.join(words) or 'none'}; see {prog} --help"
-        )
+        raise UserError(f"{prog} takes one {name}, got {' '.join(words) or 'none'}; see {prog} --help")
     return _value(name, get_args(hint)[0], words)
 
 
@@ -110,25 +108,45 @@ def _fields(part: Any, prefix: str = "--") -> Iterator[tuple[str, Any]]:
 def _refuse_unknown(arguments: Sequence[str], known: Sequence[str], first: str | None, prog: str) -> None:
     given = [argument.partition("=")[0] for argument in arguments if argument.startswith("--")]
     if first is not None and f"--{first}" in given:
-        raise UserError(f"--{first} is no option: give it by itself, before the options; see {prog} --help")
+        raise UserError(f"--{first} is no option: give it by itself; see {prog} --help")
     wrong = [flag for flag in given if flag.replace("_", "-") not in known]
     if wrong:
         lines = [f"unknown option {flag!r}; did you mean {nearest(flag, known)!r}?" for flag in wrong]
         raise UserError("\n".join([*lines, f"All options: {prog} --help"]))
 
 
-def _grouped(arguments: Sequence[str]) -> dict[str, list[str]]:
-    """The words behind every flag, the last time that it is given; under '' those before the first one."""
-    groups: dict[str, list[str]] = {}
+def _grouped(arguments: Sequence[str], fields: Mapping[str, Any]) -> tuple[list[str], dict[str, list[str]]]:
+    """The words that stand by themselves, and those of every flag, the last time that it is given.
+
+    Args:
+        arguments: of the command line.
+        fields: what the flags take, where words may stand behind them that are not theirs; otherwise empty.
+    """
+    alone: list[str] = []
+    given: dict[str, list[str]] = {}
     flag = ""
     for argument in arguments:
         if argument.startswith("--"):
             name, equals, value = argument.partition("=")
             flag = name.replace("_", "-")
-            groups[flag] = [value] if equals else []
+            given[flag] = [value] if equals else []
+        elif flag and (not fields or _takes(fields[flag], given[flag], argument)):
+            given[flag].append(argument)
         else:
-            groups.setdefault(flag, []).append(argument)
-    return groups
+            alone.append(argument)
+    return alone, given
+
+
+def _takes(hint: Any, words: Sequence[str], word: str) -> bool:
+    """Whether a flag that has these words already takes another one."""
+    if _many(hint):
+        return True
+    return not words and (hint is not bool or word in _choices(bool))
+
+
+def _many(hint: Any) -> bool:
+    """Whether a flag takes as many words as there are."""
+    return get_origin(hint) is tuple or any(_many(part) for part in get_args(hint))
 
 
 def _value(flag: str, hint: Any, words: Sequence[str]) -> Any:

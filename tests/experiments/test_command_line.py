@@ -191,9 +191,10 @@ def test_every_misspelt_option_is_answered(capsys):
 @pytest.mark.parametrize(
     ("command", "words", "said"),
     [
-        (evaluate, [], "python -m experiments.evaluate takes one run before its options, got none; see"),
-        (evaluate, ["here", "there", "--gif", "True"], "takes one run before its options, got here there; see"),
-        (evaluate, ["--run", "here"], "--run is no option: give it by itself, before the options; see"),
+        (evaluate, [], "python -m experiments.evaluate takes one run, got none; see"),
+        (evaluate, ["here", "there", "--gif", "True"], "takes one run, got here there; see"),
+        (evaluate, ["here", "--gif", "True", "there"], "takes one run, got here there; see"),
+        (evaluate, ["--run", "here"], "--run is no option: give it by itself; see"),
         (evaluate, ["here", "-q"], "every option begins with --, got '-q'; see python -m experiments.evaluate --help"),
         (evaluate, ["here", "--episodes", "few"], "--episodes takes a whole number, got 'few'"),
         (compare, [], "name one run or more"),

@@ -101,7 +101,7 @@ FORMULAS = [
 
 
 def shown(text):
-    """Compile and print a task as a user does; its words stand before the options."""
+    """Compile and print a task as a user does."""
     return said(show_task, text, "--max-rows", "2000")
 
 

@@ -51,7 +51,7 @@ def test_errors_are_messages(argv, message, capsys):
         (["F a", "--wrd", "a"], "unknown option '--wrd'; did you mean '--word'?"),
         (["F a", "--max-rows", "many"], "--max-rows takes a whole number, got 'many'"),
         (["F a", "--alphabet", "every"], "did you mean 'every_subset'?"),
-        (["--dot", "F a"], "unknown --dot 'F a'"),
+        (["--dot=Tru", "F a"], "unknown --dot 'Tru'; did you mean 'True'?"),
         (["F a", "-w", "a"], "every option begins with --, got '-w'"),
     ],
 )
@@ -59,6 +59,21 @@ def test_mistakes_in_options_are_plain_lines(argv, message, capsys):
     assert main(argv) == 2
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("error: ") and message in lines[0] and len(lines) <= 2
+
+
+@pytest.mark.parametrize("options", [["--max-rows", "10", "--dot"], ["--dot=True", "--max-rows=10"], ["--dot", "True"]])
+def test_formulas_stand_before_or_behind_options(options, capsys):
+    ways = [
+        ["F a", "F b", *options],
+        [*options, "F a", "F b"],
+        ["F a", *options, "F b"],
+        [*options, "F a", *options, "F b"],
+    ]
+    for argv in ways:
+        assert main(argv) == 0
+    empty, *shown = capsys.readouterr().out.split("digraph")
+    assert not empty and len(shown) == len(ways) and len(set(map(str.strip, shown))) == 1 and "F b" in shown[0]
+    assert main(["--max-rows", "2", "F a", "F b"]) == 2  # the number is the option's own
 
 
 def test_help(capsys):
