@@ -83,10 +83,11 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
     env, _, state, iterate = learner
     state, _ = iterate(state)
     table, network = env.table, QNetwork(NETWORK, 3)
-    stored = make_replay(DQN.buffer_size, 100, DQN.num_envs, CONTEXT).sample(state.buffer, jax.random.key(1))
+    sample = jax.jit(make_replay(DQN.buffer_size, 100, DQN.num_envs, CONTEXT).sample)
+    stored = sample(state.buffer, jax.random.key(1))
     before, after = (jax.tree.map(lambda x, chosen=chosen: x[:, chosen], stored.steps) for chosen in ([0, 1], [1, 2]))
     params, target_params = state.params, jax.tree.map(lambda x: 0.9 * x, state.params)
-    embedding = network.apply(params, table, method="embed")
+    embedding = jax.jit(partial(network.apply, method="embed"))(params, table)
 
     @jax.jit
     def values(params, obs, window):
@@ -95,7 +96,7 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
 
     q = values(params, stored.obs, before)
     online, target = values(params, stored.next_obs, after), values(target_params, stored.next_obs, after)
-    goal = td_targets(DQN, table, online, target, stored.shared, stored.cut)
+    goal = jax.jit(partial(td_targets, DQN, table))(online, target, stored.shared, stored.cut)
     error = np.abs(np.asarray(q[np.arange(100), :, stored.action] - goal))
     huber = np.where(error < 1, 0.5 * error**2, error - 0.5)
     assert np.abs(values(params, stored.obs, after) - q).max() > 1e-2  # another window is another value
@@ -111,14 +112,16 @@ def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner
     for _ in range(30):
         state, _ = iterate(state)
 
-    def success(agent):
-        given, key = env.make_params(0), jax.random.key(1)
-        run = jax.jit(lambda params: play(env, agent, params, given, key, 200, EPISODE_LENGTH, 0.9, True))
-        outcome = run(state.params)
-        return outcome.success.mean()
+    @jax.jit
+    def success(params, remembers):
+        def remember(params, carry, *step):
+            return jax.tree.map(partial(jnp.where, remembers), agent.remember(params, carry, *step), carry)
 
-    assert success(agent) >= 0.98
-    assert success(agent._replace(remember=lambda params, carry, obs, action, reward: carry)) < 0.7
+        given, player = env.make_params(0), agent._replace(remember=remember)
+        return play(env, player, params, given, jax.random.key(1), 200, EPISODE_LENGTH, 0.9, True).success.mean()
+
+    assert success(state.params, True) >= 0.98
+    assert success(state.params, False) < 0.7
 
 
 def test_impossible_settings_are_refused():

@@ -20,17 +20,23 @@ def steps(recompute, reset, count):
     """Transitions of all environments with their whole windows, step by step; episodes end at random."""
     rng = np.random.default_rng(0)
     window = jax.vmap(lambda _: empty_window(LENGTH, jnp.int32(0), 2 if recompute else 3))(jnp.arange(ENVS))
+
+    @jax.jit
+    def following(whole, ended):
+        window = without_oldest(whole)
+        return empty_where(window, ended) if reset else window
+
     for _ in range(count):
         obs, next_obs = jnp.array(rng.normal(size=(2, ENVS, 2)), jnp.float32)
         seen = obs if recompute else jnp.array(rng.normal(size=(ENVS, 3)), jnp.float32)
         action, row = jnp.array(rng.integers(1, 5, (2, ENVS)), jnp.int32)
         reward, ended = jnp.array(rng.normal(size=ENVS), jnp.float32), jnp.array(rng.random(ENVS) < 0.3)
-        whole = append(window, action, reward, seen)
+        whole = jax.jit(append)(window, action, reward, seen)
         yield Transition(obs, action, next_obs, row, Shared(row, reward, ended), ended, whole)
-        window = without_oldest(whole)
-        window = empty_where(window, ended) if reset else window
+        window = following(whole, ended)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recompute", [True, False])
 @pytest.mark.parametrize("reset", [True, False])
 def test_windows_put_together_are_those_stored_whole(recompute, reset):
@@ -49,6 +55,7 @@ def test_windows_put_together_are_those_stored_whole(recompute, reset):
     assert stored / (SIZE + LENGTH * ENVS) < all_windows / SIZE  # bytes of a transition
 
 
+@jax.jit
 def flat_sample(state, key):
     """What flashbax draws, for a batch larger than the ring, which it refuses."""
     drawn = trajectory_buffer.sample(state, key, BATCH, sequence_length=1, period=1)

@@ -41,24 +41,26 @@ def small(monkeypatch):
 @pytest.mark.parametrize(("held", "room"), [([7, 3, 3, 30, 7, 2], 8), ([5] * 60, 48), ([1], 4), (list(range(48)), 48)])
 def test_each_row_once(small, held, room):
     rows = jnp.array(held).reshape(-1, 1)
-    distinct, place, count = row_codes.distinct_rows(rows, 48)
+    distinct, place, count = jax.jit(row_codes.distinct_rows, static_argnums=1)(rows, 48)
     expected, inverse = np.unique(held, return_inverse=True)
     assert len(distinct) == room and count == len(expected)
     np.testing.assert_array_equal(distinct, [*expected, *[1] * (room - len(expected))])
     np.testing.assert_array_equal(place, inverse.reshape(-1, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", APART)
 def test_values_and_gradients_are_those_of_the_whole_table(small, name):
     reader = APART[name]
     encoder = make_task_encoder(reader)
     assert reader.rows_apart and reader.learned
-    params, others = (encoder.init(jax.random.key(seed), TABLE) for seed in (0, 1))
+    init, apply = jax.jit(encoder.init), jax.jit(encoder.apply)
+    params, others = (init(jax.random.key(seed), TABLE) for seed in (0, 1))
     rows = jax.random.randint(jax.random.key(2), (10, 2), 2, 20)
     weights = jax.random.normal(jax.random.key(3), (10, 2, reader.code_size))
     codes = row_codes.make_codes(reader, False, encoder.apply, partial(encoder.apply, method="of_rows"))
-    known = codes.every(others, TABLE)  # with parameters of before
-    np.testing.assert_allclose(known, encoder.apply(others, TABLE), atol=1e-6)
+    known = jax.jit(codes.every)(others, TABLE)  # with parameters of before
+    np.testing.assert_allclose(known, apply(others, TABLE), atol=1e-6)
 
     def whole(params):
         return (weights * encoder.apply(params, TABLE)[rows]).sum()
@@ -71,6 +73,7 @@ def test_values_and_gradients_are_those_of_the_whole_table(small, name):
     chex.assert_trees_all_close(gradient, wanted, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_as_many_rounds_as_the_rows_need(small):
     """Counted where they are made, forwards and backwards, for two seeds side by side: as many as the slower needs."""
     seen = []
@@ -86,7 +89,7 @@ def test_as_many_rounds_as_the_rows_need(small):
         return lookup(params, TABLE, known, rows).sum()
 
     rows = jnp.array([list(range(2, 12)) + [3] * 20, [7] * 30])
-    gradient = jax.vmap(jax.grad(loss))(jnp.ones(2), rows)
+    gradient = jax.jit(jax.vmap(jax.grad(loss)))(jnp.ones(2), rows)
     jax.effects_barrier()
     np.testing.assert_allclose(gradient, np.asarray(TABLE.tokens)[rows, 0].sum(axis=1))
     assert {row for some in seen for row in some.ravel().tolist()} == {1, *range(2, 12)}
@@ -117,18 +120,18 @@ def test_an_iteration_of_ppo_learns_the_same(monkeypatch):
     )  # fmt: skip
     given = TaskParams((), TABLE)
 
-    def after_one(config):
-        agent = make_ppo(TaskEnv(ENV, TABLE), config, 20, iterations=10)
-        keys = jax.random.split(jax.random.key(0), 2)
-        state = jax.jit(jax.vmap(agent.init, (0, None)))(keys, given)
-        return jax.jit(jax.vmap(agent.iterate, (0, None)))(state, given)[0].params
+    agent, keys = make_ppo(TaskEnv(ENV, TABLE), config, 20, iterations=10), jax.random.split(jax.random.key(0), 2)
+    start = jax.jit(jax.vmap(agent.init, (0, None)))(keys, given)
 
-    whole = after_one(config)
+    def after_one():
+        agent = make_ppo(TaskEnv(ENV, TABLE), config, 20, iterations=10)
+        return jax.jit(jax.vmap(agent.iterate, (0, None)))(start, given)[0].params
+
+    whole = after_one()
     monkeypatch.setattr(row_codes, "ROWS_AT_ONCE", ROWS_AT_ONCE)
     monkeypatch.setattr(row_codes, "LARGE", 8)
-    chex.assert_trees_all_close(after_one(config), whole, atol=1e-5)
-    still = dataclasses.replace(config, learning_rate=0.0)
-    difference = jax.tree.map(lambda x, y: float(jnp.abs(x - y).max()), after_one(still), whole)
+    chex.assert_trees_all_close(after_one(), whole, atol=1e-5)
+    difference = jax.tree.map(lambda x, y: float(jnp.abs(x - y).max()), start.params, whole)
     assert max(jax.tree.leaves(difference)) > 1e-4  # it learns something
 
 

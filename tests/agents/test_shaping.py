@@ -1,6 +1,7 @@
 """Potential-based shaping: the published numbers, what stays the same, and where it enters."""
 
 import dataclasses
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -93,18 +94,21 @@ def test_best_actions_of_a_small_mdp_stay_the_best(task, machine):
     assert np.ptp(plain, axis=1).max() > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("counterfactual", [True, False])
 def test_both_learners_shape_what_they_learn_from(counterfactual, machine):
     """With values of zero at s' and gamma Phi(u') - Phi(u) as the only reward, the error is that."""
     network = QNetwork(QNetworkConfig(task_encoder=OneHotConfig(size=8), state_layers=(4,), task_layer=4), 5)
     obs = jnp.ones((1, 2))
-    params = jax.tree.map(jnp.zeros_like, network.init(jax.random.key(0), machine, obs, method="initialise"))
-    embedding = network.apply(params, machine, method="embed")
+    init = partial(network.init, method="initialise")
+    params = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(init, jax.random.key(0), machine, obs))
+    embedding = jax.jit(partial(network.apply, method="embed"))(params, machine)
     no = jnp.zeros(1, bool)
     batch = Transition(obs, jnp.zeros(1, jnp.int32), obs, jnp.array([3]), shared(letters(machine, "")), no)
     config = dataclasses.replace(SHAPED, counterfactual=counterfactual)
     phi = potential(machine, DISCOUNT)
-    _, scalars = dqn_loss(config, network, machine, params, embedding, params, embedding, batch, phi)
+    loss = jax.jit(partial(dqn_loss, config, network, machine))
+    _, scalars = loss(params, embedding, params, embedding, batch, phi)
     expected = np.mean([0.081, 0.09, 0.1]) if counterfactual else 0.09
     assert scalars["td_error"] == pytest.approx(expected, abs=1e-6)
 
