@@ -63,6 +63,7 @@ def act(network, params):
     return obs, action, windows, after, Segment(start, action, reward, ended, seen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reset", [True, False])
 def test_windows_of_a_segment_are_those_that_acted(reset):
     network = make_network(reset=reset)

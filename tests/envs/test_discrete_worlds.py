@@ -52,6 +52,7 @@ def test_reset_and_step_have_one_structure(env, double):
     assert state.info == {} and state.metrics == {}
 
 
+@pytest.mark.slow
 def test_vmap_and_jit_change_nothing(env):
     keys, actions = jax.random.split(jax.random.key(0), 4), jnp.arange(4)
     together = jax.jit(jax.vmap(env.step))(jax.jit(jax.vmap(env.reset))(keys), actions)

@@ -235,6 +235,7 @@ def test_machines_over_24_propositions_agree_with_the_interpreter():
     assert (rows[:2] == jnp.arange(2)[:, None]).all() and (rewards[:2] == 0).all()
 
 
+@pytest.mark.slow
 def test_pools_over_24_propositions_have_equal_shapes_and_are_true_to_their_formulas():
     tables = [draw(seed, MANY, rows=512, size=32) for seed in (0, 1)]
     assert len({str(jax.tree.map(lambda x: (x.shape, x.dtype), table)) for table in tables}) == 1

@@ -42,6 +42,7 @@ def trained():
     return languages_of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("family", "rows", "renamed_rows"), [("Until_1_2_1_1", 60, 3), ("chains", 1264, 72)])
 def test_shares_and_sizes_are_the_measured_ones(trained, family, rows, renamed_rows):
     assert len(trained(family, False)) == rows and len(trained(family, True)) == renamed_rows

@@ -54,6 +54,7 @@ def test_every_row_says_and_becomes_what_it_did_in_its_pool():
     assert not table(0).is_open[ROWS:].any()
 
 
+@pytest.mark.slow
 def test_an_episode_under_way_gets_the_same_rewards_across_a_renewal():
     """Random actions, the same ones with and without the renewal; new episodes have new tasks."""
     env = TaskEnv(ENV, pool(0), random_starts=0.3)
@@ -67,7 +68,8 @@ def test_an_episode_under_way_gets_the_same_rewards_across_a_renewal():
             lambda step: (step.row, step.reward, step.terminated, step.turn, step.totals),
         )  # fmt: skip
 
-    start = begin(env, TaskParams((), table(1)), jax.random.key(0), 1000, limit)
+    given = TaskParams((), table(1))
+    start = jax.jit(lambda key: begin(env, given, key, 1000, limit))(jax.random.key(0))
     start, _, _ = play(start, table(1), jax.random.key(1))
     with_renewal, _, renewed = play(start, table(2), jax.random.key(2))
     _, _, kept = play(start, table(1), jax.random.key(2))

@@ -108,6 +108,7 @@ def test_what_it_says_of_a_task_is_what_a_reader_would_say():
     assert not code[:2].any()  # true and false
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", READERS)
 def test_a_row_has_the_same_code_in_every_table(name):
     """Alone, where unused propositions have no letter; beside other tasks; and in a pool, where rows are left over."""
@@ -138,6 +139,7 @@ def test_other_tables_of_equal_shapes_need_no_compilation():
     assert not np.array_equal(*map(encode, pools)) and traced == [64]
 
 
+@pytest.mark.slow
 def test_the_automaton_tells_rows_apart_by_their_future():
     """Every row has its own code if it listens long enough; after one round, rows with equal next verdicts do not."""
     table = table_of("X X X Blue")
@@ -160,6 +162,7 @@ def test_machines_are_read_too():
     assert shape.shape == (table.num_rows, 5)
 
 
+@pytest.mark.slow
 def test_two_encoders_side_by_side_are_both():
     table = table_of(*TASKS)
     config = JoinedConfig(CONFIG, RGCNConfig(6, 2, 5))

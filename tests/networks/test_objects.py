@@ -130,6 +130,7 @@ def water() -> tuple[WaterWorld, TaskTable]:
     return env, compile_tasks(["!a U (b & F c)", "F a & F b"], env.propositions, env.alphabet)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "head"), [("attention-proposition", "film"), ("maximum_mean-role", "concat")])
 def test_values_of_all_rows_are_those_of_each(water, kind, head):
     env, table = water

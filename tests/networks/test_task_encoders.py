@@ -46,6 +46,7 @@ def token_of(formula: Formula, table: TaskTable) -> int:
     return FIRST_PROPOSITION + table.propositions.index(formula.name) if formula.name else OPERATOR_ID[formula.op]
 
 
+@pytest.mark.slow
 def test_code_of_a_row_depends_on_nothing_but_its_formula(reader, table):
     encode, params = reader
     code = encode(params, table)

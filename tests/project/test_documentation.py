@@ -30,6 +30,7 @@ def pages(wanted):
     return wanted.pages
 
 
+@pytest.mark.slow
 def test_pages_are_those_of_the_stored_results(pages):
     """Written anew by ``python -m experiments.reproduce --report True``."""
     assert set(pages) == {f"docs/{name}.md" for name in ("results", "zeroshot", "methods", "speed")} | {"README.md"}

@@ -155,6 +155,7 @@ def fate() -> Callable[..., certificates.Certificates]:
     return certify
 
 
+@pytest.mark.slow
 def test_certificates_hold(fate, monkeypatch):
     monkeypatch.setattr(certificates, "BATCH", 700)  # 2,000 are two batches and most of a third
     found = fate(2000)

@@ -32,6 +32,7 @@ def test_configs_survive_json(name):
     assert summary
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0, 1), st.integers(1, 10**9), st.text())
 def test_any_values_survive_json(share, frames, task):

@@ -104,6 +104,7 @@ def test_pools_are_of_their_stage_and_failing_tasks_come_more_often():
     assert any(pools.evaluation.text(row).count("F") == 3 for row in pools.evaluation.initial_row.tolist())
 
 
+@pytest.mark.slow
 def test_episodes_are_counted_by_the_pool_that_they_began_in():
     """Against a count in Python, over a renewal."""
     env = SingleState()
@@ -159,6 +160,7 @@ def registered(monkeypatch):
     t2tl_jax.register_agent("counting", CountingConfig, make_agent)
 
 
+@pytest.mark.slow
 def test_a_resumed_run_is_the_uninterrupted_one(tmp_path):
     config = dataclasses.replace(CONFIG, learner=CountingConfig(), frames=1600)
     whole = t2tl_jax.train(config, folder=tmp_path / "whole")

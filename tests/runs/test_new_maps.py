@@ -68,6 +68,7 @@ CONFIG = dataclasses.replace(
 )
 
 
+@pytest.mark.slow
 def test_maps_are_renewed_after_every_period(tmp_path):
     run = t2tl_jax.train(CONFIG, frames=1000, folder=tmp_path / "whole")
     expected = np.arange(10) // PERIOD + np.array([[0], [2000]])

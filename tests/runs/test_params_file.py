@@ -46,6 +46,7 @@ def test_it_loads_as_a_run_of_the_seeds_that_it_holds(kept, whole):
         result.policy(7)
 
 
+@pytest.mark.slow
 def test_its_evaluation_is_shown_and_not_mixed_with_those_of_all_seeds(kept, evaluate_run, capsys):
     folder = kept[0]
     (folder / "evaluation.json").write_text('{"evaluations": []}')

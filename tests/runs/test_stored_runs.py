@@ -35,6 +35,7 @@ def assert_same_run(one, other):
     jax.tree.map(np.testing.assert_array_equal, left, right)
 
 
+@pytest.mark.slow
 def test_files_of_a_run(train, read_json, drawn):
     folder = train("--frames", "1e3", "--seeds", "0,5", "--run.evaluation-episodes", "20")
     assert read_json(folder / "config.json")["frames"] == 1000

@@ -87,6 +87,7 @@ def test_a_learner_that_names_none_gets_none():
     assert (changed.rate, type(changed), changed.discount) == ("anything", FakeConfig, 0.9)
 
 
+@pytest.mark.slow
 def test_a_lane_learns_what_its_number_as_a_constant_does():
     rates, seeds = (1e-2, 5e-2), (3, 3)
     env = TaskEnv(ProbeEnv(), experiment("ppo").table)

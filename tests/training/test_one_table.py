@@ -50,6 +50,7 @@ def traced(learner: str, steps: int):
     return trace(make(env, config, 20, 10), SEEDS, params_of_seeds(env, SEEDS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_no_array_of_the_table_is_there_for_every_seed(learner):
     env = task_env(4)
@@ -66,6 +67,7 @@ def test_no_array_of_the_table_is_there_for_every_seed(learner):
         assert not re.search(rf"stablehlo.constant dense<(?!\d).*> : tensor<{rest}>", text), "an argument, no constant"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_checkpoints_hold_no_table(learner):
     """It is compiled again from the configuration. What is kept of rows is what a network has made of them."""

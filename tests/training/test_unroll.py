@@ -82,6 +82,7 @@ def test_what_the_environment_pays_and_ends_is_kept_apart_from_the_task():
     np.testing.assert_allclose(env_scalars(steps.state.metrics)["env_effort"], 5 / 3, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_episode_counts_as_exactly_one_thing():
     """The environment's own end is neither success nor violation, unless the same step decides the task."""
     env = task_env(["!Down U (Up & F Down)"], probe=Fragile())
