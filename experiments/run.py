@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from experiments.cli import hosts
 from experiments.cli.errors import guarded
 from t2tl_jax.errors import UserError
 from t2tl_jax.quiet import quiet_imports
@@ -31,11 +32,17 @@ def command(arguments: list[str], prefix: str = "", module: str = "experiments.r
     Raises:
         UserError: for input that cannot be used.
     """
+    rest, given = hosts.read(arguments)
+    with hosts.joined(given):
+        return _command(rest, arguments, prefix, module)
+
+
+def _command(rest: list[str], arguments: list[str], prefix: str, module: str) -> int:
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
         from experiments.cli import compilation_cache, cpu_devices, request
 
-    asked = request.read(arguments, prefix)
+    asked = request.read(rest, prefix)
     if asked.show_list:
         print(request.list_configs(prefix))
         return 0
@@ -45,8 +52,9 @@ def command(arguments: list[str], prefix: str = "", module: str = "experiments.r
     # Only now: plots, statistics and checkpoints take seconds to load too, which --help and mistakes need not wait for.
     from t2tl_jax.runs import folder
     from t2tl_jax.runs.interrupts import Interrupted, StopRequest
+    from t2tl_jax.training import hosts as processes
 
-    path = asked.resume or folder.new_path(Path(config.run.folder), name)
+    path = asked.resume or Path(processes.of_first(str(folder.new_path(Path(config.run.folder), name))))
     with StopRequest() as stop:
         try:
             _train(config, path, asked, stop, ["python", "-m", module, *arguments])
@@ -66,8 +74,11 @@ def _train(config: Any, path: Path, asked: Any, stop: Any, words: list[str]) -> 
     from t2tl_jax.runs import folder, train
     from t2tl_jax.runs.interrupts import Interrupted
     from t2tl_jax.runs.progress_bar import ProgressBar
+    from t2tl_jax.training import hosts as processes
 
     def watching(what: str) -> list[Any]:
+        if not processes.is_first():
+            return []
         return [Words(STARTED, what), *([ProgressBar()] if config.run.progress else [])]
 
     options = {
@@ -81,7 +92,9 @@ def _train(config: Any, path: Path, asked: Any, stop: Any, words: list[str]) -> 
         result = train.resume(path, **options, **{name: getattr(config, name) for name in train.CHANGEABLE})
     else:
         result = train.train(config, folder=path, **options)
-    _conclude(result, stop)
+    if processes.is_first():
+        _conclude(result, stop)
+    processes.meet()
     if result.ended == "interrupted":
         raise Interrupted(f"after iteration {result.iteration:,} of {config.iterations:,}")
 

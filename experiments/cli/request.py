@@ -27,6 +27,7 @@ DESCRIPTION = """Train an agent on a temporal-logic task.
   --list          show the named configurations, the methods, and what else has a name
   --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer),
                   --until-solved, --convergence.* and --run.* apply
+  --hosts WHO     one run over several processes, each of which is started with this: slurm, or HOST:PORT,COUNT,INDEX
   --import MODULE a module of your own that registers environments, learners, task encoders or configurations
   --PART KIND     another kind of environment (--env), learner (--learner) or task encoder
                   (--learner.network.task-encoder), with its defaults
@@ -44,7 +45,7 @@ Examples:
 The defaults shown are those of the chosen configuration."""
 
 
-CHOOSING = ("--config", "--method", "--resume", "--list", "--import")
+CHOOSING = ("--config", "--method", "--resume", "--list", "--import", "--hosts")
 """The flags that come before those of the configuration's fields."""
 
 

@@ -20,6 +20,7 @@ import orbax.checkpoint as ocp
 from t2tl_jax.errors import Note
 from t2tl_jax.runs import host_arrays
 from t2tl_jax.runs.host_arrays import checksum, checksums
+from t2tl_jax.training import hosts
 
 Item = Literal["latest", "best", "selection"]
 """Sets of parameters: the latest ones, the best ones if the run ends here, and what it has selected if it goes on."""
@@ -81,11 +82,18 @@ class Checkpoints:
         self.folder = Path(folder).absolute()
         # Orbax reports every handler and commit at level INFO or WARNING; a user has no use for it.
         logging.getLogger("absl").setLevel(logging.ERROR)
-        options = ocp.CheckpointManagerOptions(max_to_keep=KEPT, create=False, enable_async_checkpointing=False)
-        handlers = {name: ocp.StandardCheckpointHandler() for name in (STATE, REPLAY, *get_args(Item))}
+        # Of several processes each is on its own for Orbax: one writes, and all of them may read.
+        me = hosts.index()
+        alone = ocp.options.MultiprocessingOptions(me, {me}, f"process{me}")
+        options = ocp.CheckpointManagerOptions(
+            max_to_keep=KEPT, create=False, enable_async_checkpointing=False, multiprocessing_options=alone
+        )
+        names = (STATE, REPLAY, *get_args(Item))
+        handlers = {name: ocp.StandardCheckpointHandler(multiprocessing_options=alone) for name in names}
         self._manager: ocp.CheckpointManager | None = None
         self._arguments = {"item_names": (*handlers, "info"), "options": options}
-        self._arguments["item_handlers"] = {**handlers, "info": ocp.JsonCheckpointHandler()}
+        info = ocp.JsonCheckpointHandler(multiprocessing_options=alone)
+        self._arguments["item_handlers"] = {**handlers, "info": info}
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="checkpoint")
         self._writing: Future[None] | None = None
 
@@ -160,6 +168,8 @@ class Checkpoints:
         trees |= {} if last or not replay else {REPLAY: getattr(train_state, replay)}
         kept = "" if not replay else "left out" if last else "kept"
         on_host = {name: host_arrays.copied(tree, seeds) for name, tree in trees.items()}
+        if not hosts.is_first():
+            return
         about = dict(info)  # the training goes on, and may change its own
         self._writing = self._writer.submit(self._write, iteration, on_host, about, kept)
 

@@ -13,11 +13,12 @@ from typing import Any
 import jax
 import numpy as np
 
-from t2tl_jax.errors import Note
+from t2tl_jax.errors import Note, UserError
 from t2tl_jax.runs.compilation import Compilation, Compiled
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.task_env import TaskParams
-from t2tl_jax.training.devices import place
+from t2tl_jax.training import hosts
+from t2tl_jax.training.devices import is_key, place
 from t2tl_jax.training.program import Program, place_params
 
 MOST = 0.9
@@ -41,7 +42,12 @@ def fit(experiment: Experiment, compilation: Compilation, width: int = 0) -> tup
         program = experiment.program_for(width)
         same = compilation.program.count == program.count
         compiled = (compilation if same else Compilation(program, compilation.fresh)).result()
-        most = width if asked else fitting(compiled.iterate, width)
+        most = width if asked else hosts.least_of(fitting(compiled.iterate, width))
+        if hosts.are_several() and min(most, width) < count:
+            raise UserError(
+                f"{count:,} seeds do not fit into the memory of the devices together ({min(most, width):,} may), and "
+                "groups that train in turns are for a single host: take more hosts, or fewer seeds"
+            )
         if most == width:
             return width, compiled if width == count else in_chunks(program, compiled, count)
         width = most
@@ -130,7 +136,7 @@ def in_chunks(program: Program, compiled: Compiled, count: int) -> Compiled:
 
 def on_host(tree: Any) -> Any:
     """Arrays of the host that can be written to; keys stay what they are."""
-    return jax.tree.map(lambda x: x if _is_key(x) else np.array(x), tree)
+    return jax.tree.map(lambda x: x if is_key(x) else np.array(x), tree)
 
 
 def _taken(tree: Any, index: np.ndarray) -> Any:
@@ -141,7 +147,7 @@ def _room(tree: Any, count: int) -> Any:
     """For as many seeds, arrays like these."""
 
     def room(x: Any) -> Any:
-        if not _is_key(x):
+        if not is_key(x):
             return np.empty((count, *x.shape[1:]), x.dtype)
         data = jax.random.key_data(x)
         nothing = jax.numpy.zeros((count, *data.shape[1:]), data.dtype)
@@ -154,13 +160,9 @@ def _put(old: Any, new: Any, start: int, end: int) -> Any:
     """All seeds, with those of a group from the devices in their place, where they are written to."""
 
     def put(old: Any, new: Any) -> Any:
-        if _is_key(old):
+        if is_key(old):
             return old.at[start:end].set(jax.device_put(new[: end - start], jax.local_devices()[0]))
         old[start:end] = np.asarray(new)[: end - start]
         return old
 
     return jax.tree.map(put, old, new)
-
-
-def _is_key(x: Any) -> bool:
-    return jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key)

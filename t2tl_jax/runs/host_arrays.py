@@ -8,6 +8,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from t2tl_jax.training.devices import fetched, is_key
+
 
 def copied(tree: Any, count: int | None = None) -> Any:
     """A tree of arrays on the host, which nothing else writes to; the first `count` entries of leading axes, or all.
@@ -15,13 +17,14 @@ def copied(tree: Any, count: int | None = None) -> Any:
     On a CPU a plain transfer is a view of memory that the next iteration may overwrite; elsewhere it is a copy already.
     """
 
-    def own(x: Any, got: Any) -> np.ndarray:
+    def own(x: Any) -> np.ndarray:
+        got = fetched(x)  # one at a time: of several processes each has all of it for a moment
         shared = not isinstance(x, jax.Array) or any(device.platform == "cpu" for device in x.devices())
         some = np.asarray(got) if count is None else np.asarray(got)[:count]
         return _storable(np.array(some, copy=True) if shared else some)
 
     plain = _unwrap_keys(tree)
-    return jax.tree.map(own, plain, jax.device_get(plain))
+    return jax.tree.map(own, plain)
 
 
 def blank(like: Any) -> Any:
@@ -32,7 +35,7 @@ def blank(like: Any) -> Any:
 
 def as_in(like: Any, value: np.ndarray) -> Any:
     """One array from the disk as the one of `like` that it was: with its type of key, or its empty shape."""
-    if _is_key(like):
+    if is_key(like):
         return jax.random.wrap_key_data(jax.numpy.asarray(value))
     return value if like.size else np.zeros(like.shape, like.dtype)
 
@@ -58,13 +61,9 @@ def checksum(info: Mapping[str, Any]) -> int:
     return zlib.crc32(json.dumps(content, sort_keys=True).encode())
 
 
-def _is_key(x: Any) -> bool:
-    return jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key)
-
-
 def _unwrap_keys(tree: Any) -> Any:
     """Typed keys as their ``uint32`` data, which every version of Orbax can store."""
-    return jax.tree.map(lambda x: jax.random.key_data(x) if _is_key(x) else x, tree)
+    return jax.tree.map(lambda x: jax.random.key_data(x) if is_key(x) else x, tree)
 
 
 def _storable(x: np.ndarray) -> np.ndarray:

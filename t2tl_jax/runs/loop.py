@@ -7,6 +7,8 @@ from typing import Any
 
 import jax
 
+from t2tl_jax.training import hosts
+from t2tl_jax.training.devices import fetched
 from t2tl_jax.training.types import Metrics
 
 MOST = 0.05
@@ -67,7 +69,7 @@ def run_loop(
         if pending is not None:
             _record(pending, hooks)
         pending = (iteration, metrics)
-        due = time.monotonic() - saved_at >= wait
+        due = hosts.any_of(time.monotonic() - saved_at >= wait)
         if due or not ahead:
             _record(pending, hooks)
             pending = None
@@ -86,4 +88,4 @@ def run_loop(
 
 def _record(pending: tuple[int, Metrics], hooks: Hooks) -> None:
     iteration, metrics = pending
-    hooks.record(iteration, jax.device_get(metrics))  # waits for the device
+    hooks.record(iteration, fetched(metrics))  # waits for the device

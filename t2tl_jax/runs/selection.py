@@ -16,7 +16,8 @@ import numpy as np
 from t2tl_jax.evaluation.episodes import player_of_seeds
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
-from t2tl_jax.training.devices import padded
+from t2tl_jax.training import hosts
+from t2tl_jax.training.devices import padded, put
 from t2tl_jax.training.program import place_params
 from t2tl_jax.training.seeds import SELECTION, stream_keys
 from t2tl_jax.training.types import Params
@@ -81,7 +82,7 @@ class Scorer:
     def __call__(self, params: Params) -> Scores:
         """The scores of parameters with leading axis [seeds]; waits for the program, and raises what went wrong."""
         play, env_params, keys, device = self._future.result()
-        played = play(jax.device_put(params, device), env_params, keys)
+        played = play(params if hosts.are_several() else jax.device_put(params, device), env_params, keys)
         episodes = self._experiment.program.unpadded(played)
         return Scores(
             np.asarray(episodes.discounted_return, float).mean(-1), np.asarray(episodes.success, float).mean(-1)
@@ -98,7 +99,8 @@ class Scorer:
             config, sharding = experiment.config, experiment.program.sharding
             device = sharding or jax.sharding.SingleDeviceSharding(jax.devices()[0])
             env_params = place_params(experiment.env_params("selection"), sharding)
-            keys = jax.device_put(padded(stream_keys(experiment.seeds, SELECTION), sharding), device)
+            keys = padded(stream_keys(experiment.seeds, SELECTION), sharding)
+            keys = jax.device_put(keys, device) if sharding is None else put(keys, sharding)
             play = player_of_seeds(
                 experiment.task_env,
                 experiment.agent,

@@ -1,6 +1,7 @@
 """One session of a run: what is checked before it, its start or its continuation, and what it left on disk."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -18,6 +19,7 @@ from t2tl_jax.runs.metrics_file import MetricsFileError, history
 from t2tl_jax.runs.provenance import describe
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.training import Training
+from t2tl_jax.training import hosts
 from t2tl_jax.training.types import Params
 
 
@@ -81,9 +83,12 @@ def started(experiment: Experiment, folder: Path | None, session: Session, befor
     run = None
     if folder is not None:
         config = experiment.config
-        run = run_folder.create(folder, config, session.versions)
+        if hosts.is_first():
+            run_folder.create(folder, config, session.versions)
+        hosts.meet()  # now it is there for all
+        run = RunFolder(folder)
         experiment = experiment.with_config(machine_files.with_copy(config, run.path))
-        with run_folder.locked(run):
+        with run_folder.locked(run) if hosts.is_first() else nullcontext():
             return trained(experiment, run, session, before)
     return trained(experiment, None, session, before)
 
@@ -95,7 +100,7 @@ def continued(experiment: Experiment, run: RunFolder, session: Session, before: 
         note_resumed(run, session)
         run_folder.write_config(run, experiment.config)
 
-    with run_folder.locked(run):
+    with run_folder.locked(run) if hosts.is_first() else nullcontext():
         return trained(experiment, run, session, before, resumed)
 
 
@@ -173,14 +178,14 @@ def _pretrained(before: Experiment, folder: Path | None, session: Session) -> Re
     """
     wanted = before.config
     try:
-        if folder is None or not (folder / "config.json").is_file():
+        if folder is None or hosts.of_first(str((folder / "config.json").is_file())) == str(False):
             _ = before.program  # says what is wrong before a folder is made
             result = started(before, folder, session, None)
         else:
             run, stored = run_folder.open_existing(folder)
             if not pretraining.same_run(stored, wanted):
                 raise UserError(f"{folder} holds a run of another configuration; move it away")
-            if run_folder.read_json(run.status).get("state") == "finished":
+            if hosts.of_first(str(run_folder.read_json(run.status).get("state"))) == "finished":
                 return loaded(before, run)
             result = continued(before.with_config(replace(stored, run=wanted.run)), run, session, None)
     except Interrupted as when:

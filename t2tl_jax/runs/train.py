@@ -22,6 +22,7 @@ from t2tl_jax.runs.given_env import GivenEnv
 from t2tl_jax.runs.interrupts import NeverStop, Stoppable
 from t2tl_jax.runs.migration import VERSION
 from t2tl_jax.runs.result import Result
+from t2tl_jax.training import hosts
 from t2tl_jax.training.seeds import parse_seeds
 from t2tl_jax.training.types import LearnerConfig
 
@@ -69,7 +70,7 @@ def train(
             changes["pretrained"] = str(pretrained if first is None else (first.folder or pretraining.GIVEN))
         chosen, env = _configuration(config, task, learner, seeds, changes)
         chosen = pretraining.located(chosen)
-        if folder is not None:
+        if folder is not None and hosts.is_first():
             run_folder.check_new(Path(folder))
         session = sessions.Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
         experiment, before = session.stop.call(lambda: sessions.checked(build(chosen, env), first), "while preparing")
@@ -112,8 +113,9 @@ def resume(
             )
         config = _changed(stored, changes)
         refuse_other_changes(stored, config)
-        with run_folder.locked(run):
-            pass  # who is in the way is told before the work of preparing
+        if hosts.is_first():
+            with run_folder.locked(run):
+                pass  # who is in the way is told before the work of preparing
         with Checkpoints(run.checkpoints) as checkpoints:
             begun = checkpoints.latest_iteration() is not None
         experiment, before = session.stop.call(

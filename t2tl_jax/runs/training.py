@@ -31,7 +31,7 @@ from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.runs.success import SuccessWatch, window
 from t2tl_jax.runs.tensorboard import TensorBoardLogger
 from t2tl_jax.runs.thinning import Thinning
-from t2tl_jax.training import transfer
+from t2tl_jax.training import hosts, transfer
 from t2tl_jax.training.devices import place
 from t2tl_jax.training.program import place_params
 from t2tl_jax.training.types import Metrics
@@ -67,6 +67,7 @@ class Training:
     lessons: Lessons | None = field(init=False, default=None)
     scorer: Scorer | None = field(init=False, default=None)
     best: Any = field(init=False, default=None)
+    damaged: tuple[int, ...] = field(init=False, default=())
     lacks_replay: bool = field(init=False, default=False)
     width: int = field(init=False, default=0)
     """Seeds that are on the devices together; 0 until that is known."""
@@ -94,7 +95,10 @@ class Training:
         with ExitStack() as stack:
             files = self._open(stack)
             state = self._restore()
-            if self.resumed is not None:
+            hosts.meet()  # from here on the first process changes what all of them have read
+            if self.checkpoints is not None and hosts.is_first():
+                self.checkpoints.put_aside(self.damaged)
+            if self.resumed is not None and hosts.is_first():
                 self.resumed()
             callbacks, planned = [self.past, *files, *self.callbacks], []
             try:
@@ -126,6 +130,8 @@ class Training:
         if paths is None:
             return []
         self.checkpoints = stack.enter_context(Checkpoints(paths.checkpoints))
+        if not hosts.is_first():
+            return []
         self.checkpoints.clean()
         tensorboard = TensorBoardLogger(paths.path / "tensorboard")
         return [CSVLogger(paths.metrics), tensorboard, StatusFile(paths, self.progress)]
@@ -136,7 +142,7 @@ class Training:
         state, earlier, selected, info = None, {}, None, {}
         if self.checkpoints is not None and self.checkpoints.latest_iteration() is not None:
             stored = self.checkpoints.read(self._wanted, experiment.agent.replay)
-            self.checkpoints.put_aside(stored.damaged)
+            self.damaged = stored.damaged
             if stored.info.get("selection"):
                 selected = Selected.of(stored.items["selection"], stored.info["selection"])
             state, self.best = stored.items["state"], stored.items["best"]
@@ -198,7 +204,10 @@ class Training:
             raise UserError(f"{error}\n{hint}") from error
 
     def _reason(self) -> str:
-        """Why to stop now; '' to go on."""
+        """Why to stop now, in any of the processes; '' to go on."""
+        return next((reason for reason in hosts.exchanged(self.progress.stop or self._own_reason()) if reason), "")
+
+    def _own_reason(self) -> str:
         if self.stop.requested:
             return "interrupted"
         if self.convergence.reached:
@@ -346,7 +355,7 @@ class Training:
             progress.checkpoint_seconds += time.monotonic() - now
 
         def stopping() -> bool:
-            progress.stop = progress.stop or self._reason()
+            progress.stop = self._reason()
             return bool(progress.stop)
 
         with pools, maps:

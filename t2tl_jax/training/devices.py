@@ -6,9 +6,13 @@ a minibatch, and the gradients are summed. Results are those of one device, up t
 
 Where seeds do not share out evenly, the last one is trained several times over to fill the devices up. These copies are
 made on the way to the devices (`padded`) and dropped on the way back (`Program.unpadded`); nothing else knows of them.
+
+The devices may be those of several processes on several hosts (`hosts.py`). Each process then has all values on its way
+to the devices (`put`), of which it keeps its share there, and all of them again on the way back (`fetched`).
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import jax
@@ -36,6 +40,9 @@ def seed_sharding(
 
     Returns:
         Placement on a mesh of (seeds, envs), or None where a single device does all the work.
+
+    Raises:
+        ValueError: if there are several processes, and one of them would have nothing to do.
     """
     devices = jax.devices() if devices is None else list(devices)
     number = len(devices)
@@ -50,6 +57,13 @@ def seed_sharding(
     over_seeds = min(range(1, number + 1), key=cost)
     over_envs = envs(over_seeds)
     used = over_seeds * over_envs
+    busy, present = ({device.process_index for device in some} for some in (devices[:used], devices))
+    if busy != present:
+        raise ValueError(
+            f"there is work for {used} of {number} devices ({count} seeds, {num_envs} environments each that could be "
+            f"spread), which leaves {len(present - busy)} of {len(present)} hosts idle: take more seeds or fewer hosts"
+            + ("" if per_seed or devices[0].platform == "cpu" else ", or spread each seed (--run.devices-per-seed)")
+        )
     if used == 1:
         return None
     mesh = Mesh(np.array(devices[:used]).reshape(over_seeds, over_envs), (SEEDS, ENVS), axis_types=(AxisType.Auto,) * 2)
@@ -97,4 +111,49 @@ def place(tree: Any, sharding: NamedSharding | None) -> Any:
     """Move a tree with a leading seed axis to its devices, filled up; one copy in every case, never a view."""
     if sharding is None:
         return jax.tree.map(lambda x: jax.numpy.array(x, copy=True), tree)
-    return jax.device_put(padded(tree, sharding), sharding)
+    return put(padded(tree, sharding), sharding)
+
+
+def put(tree: Any, sharding: NamedSharding | None) -> Any:
+    """A tree of the host on its devices, of which other processes may have some; what lies there already stays."""
+    if sharding is None or sharding.is_fully_addressable:
+        return jax.device_put(tree, sharding)
+    return jax.tree.map(lambda x: _put(x, sharding), tree)
+
+
+def _put(x: Any, sharding: NamedSharding) -> jax.Array:
+    """Without a word between the processes, which `jax.device_put` would compare the values with."""
+    if isinstance(x, jax.Array) and not x.is_fully_addressable:
+        return x
+    if is_key(x):
+        return jax.random.wrap_key_data(_put(jax.random.key_data(x), sharding), impl=jax.random.key_impl(x))
+    values = np.asarray(x)
+    return jax.make_array_from_callback(values.shape, sharding, lambda index: values[index])
+
+
+def fetched(tree: Any) -> Any:
+    """A tree of arrays on the host; of arrays that other processes have parts of, all parts. Keys stay what they are.
+
+    Where there are several processes, all of them must call it.
+    """
+
+    def whole(x: Any) -> Any:
+        if not isinstance(x, jax.Array) or x.is_fully_addressable:
+            return x
+        if is_key(x):
+            return jax.random.wrap_key_data(whole(jax.random.key_data(x)), impl=jax.random.key_impl(x))
+        assert isinstance(x.sharding, NamedSharding)  # as all programs here are told
+        return _replicated(x.sharding.mesh)(x).addressable_data(0)
+
+    return jax.device_get(jax.tree.map(whole, tree))
+
+
+@cache
+def _replicated(mesh: Mesh) -> Any:
+    """A function that has an array whole on every device: one array at a time, since there must be room for it."""
+    return jax.jit(lambda x: x, out_shardings=NamedSharding(mesh, PartitionSpec()))
+
+
+def is_key(x: Any) -> bool:
+    """Whether an array is of typed keys."""
+    return jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key)

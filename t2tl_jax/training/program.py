@@ -11,7 +11,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 
 from t2tl_jax.env import EnvParams, Purpose
 from t2tl_jax.task_env import TaskEnv, TaskParams
-from t2tl_jax.training.devices import SEEDS, padded
+from t2tl_jax.training.devices import SEEDS, fetched, padded, put
 from t2tl_jax.training.seeds import TRAINING, stream_keys
 from t2tl_jax.training.types import Agent
 
@@ -49,7 +49,7 @@ class Program:
 
     def unpadded(self, tree: Any) -> Any:
         """What came from the devices, on the host and of the seeds themselves."""
-        return jax.tree.map(lambda x: x[: self.count], jax.device_get(tree))
+        return jax.tree.map(lambda x: x[: self.count], fetched(tree))
 
 
 def params_of_seeds(
@@ -82,10 +82,12 @@ def of_each_seed(make: Callable[[int], EnvParams], seeds: Sequence[int]) -> EnvP
 
 def place_params(env_params: TaskParams, sharding: NamedSharding | None) -> TaskParams:
     """Parameters of all seeds on their devices, which every device shares the table of."""
-    filled = env_params.replace(  # type: ignore[attr-defined]
-        env=padded(env_params.env, sharding), numbers=padded(env_params.numbers, sharding)
+    table = None if sharding is None else NamedSharding(sharding.mesh, PartitionSpec())
+    return env_params.replace(  # type: ignore[attr-defined]
+        env=put(padded(env_params.env, sharding), sharding),
+        numbers=put(padded(env_params.numbers, sharding), sharding),
+        table=put(env_params.table, table),
     )
-    return jax.device_put(filled, _placement(sharding))
 
 
 def trace(
@@ -113,7 +115,7 @@ def trace(
     if restartable and agent.restart is None:
         raise ValueError("this learner cannot go on with other tasks: it remembers steps of the former ones")
     tasks = _placement(sharding)
-    keys = jax.device_put(padded(stream_keys(seeds, TRAINING), sharding), sharding)
+    keys = put(padded(stream_keys(seeds, TRAINING), sharding), sharding)
     env_params = place_params(env_params, sharding)
 
     def compiled(function: Any, over: Any, **options: Any) -> Any:

@@ -13,7 +13,7 @@ import jax
 import pytest
 
 from experiments import sweep
-from experiments.cli import request
+from experiments.cli import hosts, request
 from t2tl_jax import registry
 from t2tl_jax.errors import UserError
 from t2tl_jax.flags import _fields
@@ -142,6 +142,7 @@ def test_training_commands_are_understood(page, corridor):
         prefix = {"experiments.run": "", "experiments.pretrain": "pretrain_"}.get(module)
         if prefix is None or "--resume" in words:
             continue
+        words, _ = hosts.read(words, {})
         asked = request.read(["t2tl" if word == "METHOD" else word for word in words], prefix)
         if not asked.show_list:
             request.configuration(asked, prefix, module)

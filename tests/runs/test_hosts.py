@@ -1,0 +1,160 @@
+"""Two processes as one run: the numbers of one process, one that dies ends the other, and what is left goes on."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.cli import hosts
+from t2tl_jax import resume, train
+from t2tl_jax.errors import UserError, explained
+from t2tl_jax.registry import named_config
+from t2tl_jax.training.devices import seed_sharding
+from tests import two_hosts
+from tests.runs.test_stored_runs import restored
+
+# ----- who is who -----
+
+
+def test_flag_and_variables():
+    assert hosts.read(["--seeds", "2"], {}) == (["--seeds", "2"], None)
+    assert hosts.read(["--hosts", "slurm", "--seeds", "2"], {}) == (["--seeds", "2"], hosts.Hosts("slurm"))
+    assert hosts.read(["--hosts=node1:1234,4,3"], {}) == ([], hosts.Hosts("node1:1234", 4, 3))
+    given = dict(zip(hosts.VARIABLES, ("node1:1234", "2", "1"), strict=True))
+    assert hosts.read([], given) == ([], hosts.Hosts("node1:1234", 2, 1))
+    for wrong in ("node1", "node1,2,0", "node1:1234,2,2", "node1:1234,2", "node1:1234,a,b", ""):
+        with pytest.raises(UserError, match="--hosts takes slurm, or HOST:PORT,COUNT,INDEX"):
+            hosts.read(["--hosts", wrong], {})
+
+
+class Device:
+    """One of a host."""
+
+    platform = "gpu"
+
+    def __init__(self, process_index):
+        self.process_index = process_index
+
+
+def test_no_host_is_left_idle():
+    devices = [Device(0), Device(0), Device(1), Device(1)]
+    with pytest.raises(ValueError, match=r"work for 2 of 4 devices .* leaves 1 of 2 hosts idle"):
+        seed_sharding(2, 16, devices=devices)
+    with pytest.raises(ValueError, match=r"or spread each seed \(--run.devices-per-seed\)"):
+        seed_sharding(1, 16, devices=devices)
+
+
+# ----- who is alive -----
+
+
+class Store(dict):
+    """The store of names of `jax.distributed`, for one process."""
+
+    def key_value_set(self, name, value, allow_overwrite=False):
+        assert allow_overwrite or name not in self
+        self[name] = value
+
+    def key_value_dir_get(self, folder):
+        if self.get("broken"):
+            raise RuntimeError("UNAVAILABLE: connection refused")
+        return [(name, value) for name, value in self.items() if name.startswith(folder)]
+
+
+class Left(Exception):
+    """Instead of the end of this process."""
+
+
+@pytest.fixture
+def left(monkeypatch):
+    def leave(code):
+        raise Left(code)
+
+    monkeypatch.setattr(hosts, "_leave", leave)
+    monkeypatch.setattr(hosts, "POLL", 0.01)
+    monkeypatch.setattr(hosts, "PATIENCE", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("store", "said"),
+    [
+        ({"t2tl_jax/gone/1": "cannot create a run"}, "process 1 of this run ended: cannot create a run"),
+        ({"t2tl_jax/alive/1": "7"}, "process 1 of this run ended: no sign of life for 0 seconds"),
+        ({"broken": "yes"}, "process 0 of this run ended: its store of names cannot be reached"),
+    ],
+)
+def test_a_process_that_is_gone_is_noticed(store, said, left, monkeypatch, capsys):
+    monkeypatch.setattr(hosts.threading.Thread, "start", lambda thread: None)
+    monkeypatch.setattr("t2tl_jax.training.hosts.store", lambda: Store(store))
+    with pytest.raises(Left, match="1"):
+        hosts.Watch()._look()
+    assert said in capsys.readouterr().err
+
+
+def test_an_error_is_told_to_the_others(left, monkeypatch, capsys):
+    store = Store()
+    monkeypatch.setattr(hosts.threading.Thread, "start", lambda thread: None)
+    monkeypatch.setattr("t2tl_jax.training.hosts.store", lambda: store)
+    with pytest.raises(Left, match="2"):
+        hosts.Watch().fail(UserError("no such folder\nbut others"))
+    assert store == {"t2tl_jax/gone/0": "no such folder"} and "error: no such folder" in capsys.readouterr().err
+
+
+def test_an_error_of_the_runtime_may_be_of_any_kind():
+    with pytest.raises(UserError) as caught, explained():
+        raise ValueError("UNKNOWN: Gloo AllGather failed: Connection reset by peer")
+    assert hosts._is_of_runtime(caught.value) and not hosts._is_of_runtime(UserError("unknown task"))
+
+
+# ----- two processes -----
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("hosts")
+    command = [sys.executable, "-m", "tests.two_hosts", str(folder)]
+    answer = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=500)
+    assert answer.returncode == 0, answer.stderr
+    return folder
+
+
+def ended(folder, name):
+    """Exit code and words of a process."""
+    return int((folder / f"{name}.code").read_text()), (folder / f"{name}.log").read_text()
+
+
+@pytest.mark.slow
+def test_two_processes_give_the_numbers_of_one(folder):
+    for name in ("alone", "together0", "together1"):
+        code, said = ended(folder, name)
+        assert code == 0, said
+    for name in ("metrics.csv", "checkpoints/4/info/metadata"):  # which has a checksum of every array
+        assert (folder / "alone" / name).read_bytes() == (folder / "together" / name).read_bytes()
+
+
+@pytest.mark.slow
+def test_the_environments_of_one_seed_over_two_processes(folder):
+    alone = two_hosts.environments_of_one_seed(over=1)
+    one, other = (np.load(folder / f"envs{index}.npz").values() for index in (0, 1))
+    for expected, mine, yours in zip(alone, one, other, strict=True):
+        np.testing.assert_allclose(mine, expected, rtol=1e-4, atol=1e-6)
+        np.testing.assert_array_equal(mine, yours)
+
+
+@pytest.mark.slow
+def test_one_that_dies_ends_the_other_and_the_run_goes_on_elsewhere(folder, tmp_path):
+    code, said = ended(folder, "dying0")
+    assert code == 1 and "process 1 of this run ended: no sign of life for 3 seconds" in said, said
+    assert "The run goes on from its last checkpoint with --resume RUN" in said
+    assert float((folder / "ended").read_text()) - float((folder / "killed").read_text()) < 20
+
+    (run,) = (folder / "dying" / "fake").iterdir()
+    result = resume(run)  # on one device, in one process
+    assert (result.iteration, result.ended) == (20, "complete")
+    whole = train(replace(named_config("fake"), seeds="4", frames=2000), folder=tmp_path / "whole")
+    (_, resumed), (_, expected) = restored(run), restored(tmp_path / "whole")
+    np.testing.assert_allclose(resumed.params["params"]["w"], expected.params["params"]["w"], rtol=1e-4, atol=1e-5)
+    curve, expected = (of.metrics["discounted_return"] for of in (result, whole))
+    np.testing.assert_allclose(curve, expected, rtol=1e-3, atol=1e-4)
