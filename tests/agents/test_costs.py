@@ -1,0 +1,132 @@
+"""What learning costs, counted in the traced programs: a change that makes it dearer has to say so here.
+
+Arithmetic is that of the sizes the configurations have; operations are those of a whole iteration, a loop's body once.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.agents.ppo_learning import Batch, ppo_loss
+from t2tl_jax.agents.td_learning import Transition, dqn_loss
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
+from t2tl_jax.networks.context import ContextConfig, Segment
+from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.task_env import Shared, TaskEnv
+from t2tl_jax.training.types import repeated
+from tests.agents import sizes
+from tests.operations import operations
+from tests.probe import DiscreteProbeEnv, ProbeEnv
+
+OBSERVATION, SAMPLES = 76, 512
+TABLE = compile_tasks(["F(a & F b)"], ("a", "b"), "at_most_one")
+
+
+def flops(function, *given):
+    """Of one call, by the compiler's account; nothing is compiled for it."""
+    return jax.jit(function).lower(*given).cost_analysis()["flops"]
+
+
+def gradient_of_ppo(context):
+    """FLOP of a gradient step in ZoneEnv by sample; the task's code comes from outside."""
+    network = ActorCritic(NetworkConfig(context=context), 2)
+    steps = 1 if context is None else context.segment_length
+    count = SAMPLES // steps
+
+    def of(*shape, dtype=jnp.float32):
+        return jax.ShapeDtypeStruct((count, steps, *shape), dtype)
+
+    def initial():
+        carry = repeated(network.begin(OBSERVATION), count)
+        obs, row = jnp.zeros((count, OBSERVATION)), jnp.zeros(count, int)
+        return carry, network.init(jax.random.key(0), TABLE, obs, row, carry, method="initialise")
+
+    start, params = jax.eval_shape(initial)
+    segment = () if context is None else Segment(start, of(2), of(), of(dtype=bool), None)
+    batch = Batch(of(OBSERVATION), of(dtype=jnp.int32), of(2), of(), of(), of(), segment)
+
+    def loss(params, task, batch):
+        return ppo_loss(PPOConfig(), network, params, task, batch)[0]
+
+    return flops(jax.grad(loss, argnums=(0, 1)), params, of(16), batch) / SAMPLES
+
+
+def test_arithmetic_of_a_gradient_step_of_ppo():
+    t1tl, t2tl = gradient_of_ppo(None), gradient_of_ppo(ContextConfig())
+    assert 200_000 < t1tl < 235_000
+    assert 900_000 < t2tl < 1_030_000
+    # With no steps that need a window from outside of their segment, every observation would be embedded once.
+    assert t2tl < 1.12 * gradient_of_ppo(ContextConfig(segment_length=64))
+
+
+def test_arithmetic_of_a_gradient_step_of_dqn():
+    """Forward at s, at s' by both networks, and back through s alone, which is twice the arithmetic of forward."""
+    network = QNetwork(QNetworkConfig(head="bilinear", task_layer=512), 4)
+    obs, codes = jnp.zeros((SAMPLES, 52)), jnp.zeros((TABLE.num_rows, 32))
+    params = jax.eval_shape(lambda: network.init(jax.random.key(0), TABLE, obs, method="initialise"))
+    numbers, flags = jnp.zeros(SAMPLES, int), jnp.zeros(SAMPLES, bool)
+    batch = Transition(obs, numbers, obs, numbers, Shared(numbers, obs[:, 0], flags), flags)
+
+    def loss(params, codes, target_params, target_codes, batch):
+        return dqn_loss(DQNConfig(), network, TABLE, params, codes, target_params, target_codes, batch)[0]
+
+    def forward(params, codes, obs):
+        return network.apply(params, obs, codes, method="every_row")
+
+    step = flops(jax.grad(loss, argnums=(0, 1)), params, codes, params, codes, batch)
+    assert step < 5.1 * flops(forward, params, codes, obs)
+
+
+class Marked:
+    """Its step computes a tangent and its reset a hyperbolic sine, as nothing else does."""
+
+    def reset(self, rng, params=None):
+        state = super().reset(rng)
+        return state.replace(obs=jnp.sinh(state.obs))
+
+    def step(self, state, action, params=None):
+        state = super().step(state, action)
+        return state.replace(obs=jnp.tan(state.obs))
+
+
+class MarkedProbe(Marked, ProbeEnv):
+    pass
+
+
+class MarkedDiscreteProbe(Marked, DiscreteProbeEnv):
+    pass
+
+
+def ppo(context):
+    network = NetworkConfig(task_encoder=sizes.TRANSFORMER, context=context)
+    return make_ppo, dataclasses.replace(sizes.PPO, network=network), MarkedProbe()
+
+
+def dqn(context):
+    network = QNetworkConfig(task_encoder=sizes.TRANSFORMER, context=context)
+    return make_dqn, DQNConfig(network=network, num_envs=4, batch_size=16, buffer_size=64), MarkedDiscreteProbe()
+
+
+@pytest.mark.parametrize(
+    ("learner", "context", "most", "products"),
+    [
+        pytest.param(ppo, None, 3_300, 74, id="ppo_t1tl"),
+        pytest.param(ppo, ContextConfig(), 5_700, 142, id="ppo_t2tl"),
+        pytest.param(dqn, None, 3_200, 68, id="dqn_t1tl"),
+        pytest.param(dqn, ContextConfig(), 5_400, 126, id="dqn_t2tl"),
+    ],
+)
+def test_operations_of_an_iteration(learner, context, most, products):
+    make, config, world = learner(context)
+    env = TaskEnv(world, compile_tasks(["!Down U Up"], world.propositions, world.alphabet))
+    agent, given = make(env, config, 50, iterations=10), env.make_params(0)
+    state = jax.eval_shape(agent.init, jax.random.key(0), given)
+    found = operations(agent.iterate, state, given)
+    assert (found["tan"], found["sinh"]) == (1, 1)  # one step of the environment and one reset
+    assert found["dot_general"] <= products
+    assert found.total() <= most
