@@ -90,6 +90,7 @@ def documentation(root: Path) -> Documentation:
             "second-core": speed.second_core(results),
             "environments": speed.environments(results),
         },
+        "docs/performance.md": {"trainings": speed.everything(results)},
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}
     for_any = stored.load(results / "any")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from experiments.benchmarks import measured
 from experiments.reproduction.page import made_by, origin, table
 from experiments.reproduction.stored import Stored
 from t2tl_jax.runs.folder import read_json
@@ -142,8 +143,8 @@ def second_core(results: Path) -> str:
 def environments(results: Path) -> str:
     """Steps/s of environments, of every stored benchmark; a line that says so if there is none."""
     parts = []
-    for measured in benchmarks(results):
-        settings = measured["config"]
+    for stored in benchmarks(results):
+        settings = stored["config"]
         rows = [
             (
                 row["physics"],
@@ -151,14 +152,14 @@ def environments(results: Path) -> str:
                 f"{row['steps_per_s']:,.0f} ({row['slowest']:,.0f}, {row['fastest']:,.0f})",
                 f"{row['compile_s']:.1f} s",
             )
-            for row in measured["results"]
+            for row in stored["results"]
         ]
         what = f"{settings['env']}, {settings['layout']} map, `{settings['task']}`"
         calls = f"median of {settings['repeats']} calls of {settings['steps']} steps, random actions"
         parts += [
             f"{what}: {calls}.",
             table(("physics", "environments", "steps/s (minimum, maximum)", "compile"), rows),
-            origin([measured["where"]]),
+            origin([stored["where"]]),
         ]
     return "\n\n".join(parts) or "Not measured yet from a commit of this history."
 
@@ -166,6 +167,19 @@ def environments(results: Path) -> str:
 def benchmarks(results: Path) -> list[dict[str, Any]]:
     """What `experiments.benchmarks.env --json` wrote."""
     return [read_json(file) for file in sorted(results.glob("env_*.json"))]
+
+
+def everything(results: Path) -> str:
+    """What `experiments.benchmark --json` wrote, of every stored file: the tables that it prints."""
+    parts = []
+    for file in sorted(results.glob("benchmark_*.json")):
+        where, rows = measured.read(file)
+        parts += [
+            f"`results/{file.name}`:",
+            measured.table([row for row in rows if row.part == "training"]),
+            origin([where]),
+        ]
+    return "\n\n".join(parts) or "Not measured yet from a commit of this history."
 
 
 def short_table(results: Path) -> str:
@@ -193,10 +207,10 @@ def short_table(results: Path) -> str:
     return table(("what", "hardware", "figure"), rows)
 
 
-def largest(measured: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
+def largest(benchmarked: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
     """A row of the README for each benchmark of environments: steps/s of its largest batch, to three digits."""
     rows = []
-    for one in measured:
+    for one in benchmarked:
         count = max(row["num_envs"] for row in one["results"])
         last: Mapping[str, Any] = {row["physics"]: row for row in one["results"] if row["num_envs"] == count}
         name = {"zones": "ZoneEnv", "waterworld": "WaterWorld"}[one["config"]["env"]]

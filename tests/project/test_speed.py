@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments.benchmarks import measured
 from experiments.reproduction import speed
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
 
@@ -63,3 +64,16 @@ def test_environments_are_shown_as_they_were_measured(tmp_path):
     assert speed.largest(speed.benchmarks(tmp_path)) == [
         ("ZoneEnv, 64 environments, mjx / closed_form", "H100", "1,230,000 / 4,000,000 steps/s")
     ]
+
+
+def test_trainings_are_shown_as_they_were_measured(tmp_path):
+    assert "Not measured" in speed.everything(tmp_path)
+    where = {"devices": ["NVIDIA H200"], "git_revision": "b" * 40, "packages": {"jax": "0.11.2"}}
+    rows = [
+        measured.Row(part, "zone_ppo_long:t2tl", "12 seeds", "frames/s", 1_512_345.0, 1.5e6, 1.52e6)
+        for part in ("training", "environments")
+    ]
+    measured.write(tmp_path / "benchmark_x.json", where, {}, rows)
+    shown = speed.everything(tmp_path)
+    assert shown.count("| zone_ppo_long:t2tl | 12 seeds | 1,510,000 frames/s (1,500,000, 1,520,000) |") == 1
+    assert "`results/benchmark_x.json`" in shown and "Commits: bbbbbbb. Hardware: NVIDIA H200." in shown
