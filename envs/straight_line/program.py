@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import accumulate
 from typing import Any
 
 import jax
@@ -103,10 +104,10 @@ def _needed(made: Sequence[Number], results: Sequence[Array]) -> list[Number]:
     return [number for number in made if number.name and id(number) in needed]
 
 
-def _evaluate(numbers: Numbers, closed: ClosedJaxpr, arguments: Sequence[Array]) -> list[Array]:
+def _evaluate(numbers: Numbers, closed: ClosedJaxpr | Jaxpr, arguments: Sequence[Array]) -> list[Array]:
     """The results of a traced function."""
-    jaxpr: Jaxpr = closed.jaxpr
-    values: dict[Any, Array] = dict(zip(jaxpr.constvars, map(entries, closed.consts), strict=True))
+    jaxpr: Jaxpr = getattr(closed, "jaxpr", closed)  # some hold theirs without constants since JAX 0.11
+    values: dict[Any, Array] = dict(zip(jaxpr.constvars, map(entries, getattr(closed, "consts", ())), strict=True))
     values.update(zip(jaxpr.invars, arguments, strict=True))
 
     def read(variable: Any) -> Array:
@@ -133,6 +134,9 @@ def _operation(numbers: Numbers, equation: JaxprEqn, given: list[Array]) -> list
         if len(given[0]) > 1 or given[0].ndim > 1:
             raise NotImplementedError("sort of more than one number")
         return given
+    if name == "unstack":
+        along = np.moveaxis(given[0], params["axis"], 0)
+        return [along[i, ...] for i in range(len(along))]
     return [_one_array(numbers, equation, name, params, given)]
 
 
@@ -147,15 +151,26 @@ def _chosen(numbers: Numbers, which: Array, cases: list[Array]) -> Array:
 
 def _scan(numbers: Numbers, params: dict[str, Any], given: list[Array]) -> list[Array]:
     """A loop, written out."""
-    constants, carried = params["num_consts"], params["num_consts"] + params["num_carry"]
-    carry, over, kept = given[constants:carried], given[carried:], []
+    constants, carry, over = _loop_arguments(params, given)
+    kept = []
     rounds = range(params["length"])
     for i in reversed(rounds) if params["reverse"] else rounds:
-        now = _evaluate(numbers, params["jaxpr"], [*given[:constants], *carry, *(x[i] for x in over)])
+        now = _evaluate(numbers, params["jaxpr"], [*constants, *carry, *(x[i] for x in over)])
         carry, rest = now[: len(carry)], now[len(carry) :]
         kept.append(rest)
     stacked = [np.stack(x) for x in zip(*(reversed(kept) if params["reverse"] else kept), strict=True)]
     return [*carry, *stacked]
+
+
+def _loop_arguments(params: dict[str, Any], given: list[Array]) -> tuple[list[Array], list[Array], list[Array]]:
+    """A loop's constants, what its first round begins with, and what it goes along."""
+    if "num_consts" in params:
+        first, second = params["num_consts"], params["num_consts"] + params["num_carry"]
+    elif "ft_in" in params:  # since JAX 0.11, as trees
+        first, second, _ = accumulate(len(list(part)) for part in params["ft_in"].update(range(len(given))).unpack())
+    else:
+        raise NotImplementedError("a loop whose arguments are not told apart in a known way")
+    return given[:first], given[first:second], given[second:]
 
 
 def _one_array(numbers: Numbers, equation: JaxprEqn, name: str, params: dict[str, Any], given: list[Array]) -> Array:
@@ -187,12 +202,16 @@ def _one_array(numbers: Numbers, equation: JaxprEqn, name: str, params: dict[str
             return x[tuple(map(slice, params["start_indices"], params["limit_indices"], steps))]
         case "concatenate":
             return np.concatenate(given, params["dimension"])
+        case "stack":
+            return np.stack(given, params["axis"])
         case "tile":
             return np.tile(x, params["reps"])
         case "rev":
             return np.flip(x, params["dimensions"])
         case "copy" | "copy_p" | "stop_gradient" | "optimization_barrier":
             return x
+        case "empty":
+            return entries(np.zeros(aval.shape, aval.dtype))  # whatever they are, they are known
         case "iota":
             along = np.arange(aval.shape[params["dimension"]]).astype(aval.dtype)
             return entries(arrays.broadcast_in_dim(along, aval.shape, (params["dimension"],)))

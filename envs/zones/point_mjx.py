@@ -1,5 +1,6 @@
 """The motion of the Point robot by MuJoCo MJX, the reference physics: soft walls with friction included."""
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
@@ -80,8 +81,20 @@ class MjxPoint:
     def _substep(self, *numbers: jax.Array) -> Numbers:
         """`mujoco_substep` as arithmetic on single numbers, which takes a fraction of its passes through memory."""
         if self._walls not in _SUBSTEPS:
-            _SUBSTEPS[self._walls] = straight_line(self.mujoco_substep, *[jax.ShapeDtypeStruct((), jnp.float32)] * 8)
+            _SUBSTEPS[self._walls] = self._written_out()
         return _SUBSTEPS[self._walls](*numbers)
+
+    def _written_out(self) -> Callable[..., Numbers]:
+        """The substep in straight-line form, or as MJX has it where it does something that there is no rule for."""
+        try:
+            return straight_line(self.mujoco_substep, *[jax.ShapeDtypeStruct((), jnp.float32)] * 8)
+        except NotImplementedError as why:
+            warnings.warn(
+                f"MJX's substep is not written out with JAX {jax.__version__} and MuJoCo {mujoco.__version__} ({why}): "
+                "its results are the same, but it takes several times as long. Please report it",
+                stacklevel=2,
+            )
+            return self.mujoco_substep
 
     def mujoco_substep(self, *numbers: jax.Array) -> Numbers:
         """Position, velocity and command -> position and velocity 2 ms later, and the acceleration before: 8 -> 9.

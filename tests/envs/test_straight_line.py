@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from envs.straight_line import straight_line
+from envs.zones import point_mjx
 from envs.zones.point_mjx import MjxPoint
 from tests.operations import operations
 
@@ -82,3 +83,16 @@ def test_mujoco_in_a_straight_line_moves_the_robot_as_mjx_does():
 
     before, after = (operations(f, *given[:, 0]).total() for f in (point.mujoco_substep, point._substep))
     assert after < 0.5 * before
+
+
+def test_where_an_operation_has_no_rule_mujoco_moves_the_robot_itself_and_says_so(monkeypatch):
+    def refuse(*_):
+        raise NotImplementedError("there is no rule for twist")
+
+    monkeypatch.setattr(point_mjx, "straight_line", refuse)
+    monkeypatch.setattr(point_mjx, "_SUBSTEPS", {})
+    point = MjxPoint(walls=False)
+    numbers = [jnp.float32(x) for x in (0.1, 0.2, 0.3, 0.1, 0.0, -0.1, 1.0, 0.5)]
+    with pytest.warns(UserWarning, match="no rule for twist"):
+        moved = point._substep(*numbers)
+    np.testing.assert_array_equal(moved, point.mujoco_substep(*numbers))
