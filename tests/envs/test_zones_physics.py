@@ -74,11 +74,7 @@ def test_ten_substeps_are_one_environment_step(closed_form_env, closed_form_poin
 
 @pytest.mark.slow
 def test_mjx_step_and_acceleration_are_those_of_the_two_apart(mjx_point, free_states):
-    """At the walls too: eleven substeps in one loop are ten substeps and a forward pass.
-
-    With the compiler's own settings: the one that makes the tests compile faster rounds otherwise in a loop than
-    outside, which the servo shows enlarged.
-    """
+    """At the walls too: eleven substeps in one loop are ten substeps and a forward pass."""
     qpos, qvel, action = (jnp.asarray(a, jnp.float32) for a in free_states)
     states = PointState(qpos=qpos.at[::2, 0].set(2.25), qvel=qvel)
 
@@ -86,12 +82,8 @@ def test_mjx_step_and_acceleration_are_those_of_the_two_apart(mjx_point, free_st
         after = mjx_point.step(state, action)
         return after, mjx_point.acceleration(after, action)
 
-    def compiled(function):
-        options = {"xla_backend_extra_options": "", "xla_llvm_disable_expensive_passes": True}
-        return jax.jit(jax.vmap(function), compiler_options=options)
-
-    robot, acceleration = compiled(mjx_point.step_and_acceleration)(states, action)
-    robot_apart, acceleration_apart = compiled(apart)(states, action)
+    robot, acceleration = jax.jit(jax.vmap(mjx_point.step_and_acceleration))(states, action)
+    robot_apart, acceleration_apart = jax.jit(jax.vmap(apart))(states, action)
     chex.assert_trees_all_equal(robot, robot_apart)
     np.testing.assert_allclose(acceleration, acceleration_apart, rtol=0, atol=2e-4)
 
