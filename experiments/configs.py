@@ -19,7 +19,7 @@ from t2tl_jax.networks.objects import ObjectsConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
-from t2tl_jax.registry import register_config
+from t2tl_jax.registry import named_config, register_config
 from t2tl_jax.runs.config import Config, PoolConfig
 from t2tl_jax.runs.pretraining_published import as_published
 from t2tl_jax.runs.pretraining_schedule import SCHEDULE
@@ -340,6 +340,35 @@ register_config(
         episode_length=letterworld.EPISODE_LENGTH,
     ),
     "any task on any map of LetterWorld by PPO: cells merged by what their letters are to the task",
+)
+# A transition teaches eight of the thousands of rows of two pools: the one that was played, and others.
+register_config(
+    "letters_any_dqn",
+    replace(
+        named_config("letters_any"),
+        learner=DQNConfig(
+            network=QNetworkConfig(
+                task_encoder=LookaheadConfig(propositions=12, farther=True),
+                state=MergedConfig(),
+                state_layers=(256,),
+                task_layer=128,
+                head="film",
+            ),
+            num_envs=64,
+            unroll_length=64,
+            batch_size=256,
+            rows_per_transition=8,
+            buffer_size=100_000,
+            learning_starts=2_000,
+            target_period=100,
+            discount=0.94,
+            learning_rate=5e-4,
+            epsilon_end=0.05,
+            epsilon_fraction=0.2,
+        ),
+        frames=500_000,
+    ),
+    "letters_any by double DQN: of every transition some rows learn, drawn anew each time",
 )
 register_config(
     "flat_any",

@@ -1,4 +1,4 @@
-"""Double DQN that can learn every sub-task from every step.
+"""Double DQN that can learn every sub-task from every step, or of large tables some of them, drawn anew each time.
 
 A stored transition is (s, a, s', letter). The letter says where each formula of the table goes, so one transition is a
 transition of every row (equation 3 of the paper; with one-hot rows it is CRM of the reward-machine paper). What the
@@ -18,9 +18,11 @@ from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax import checks
+from t2tl_jax.agents.learning_rows import drawn_rows, marks
 from t2tl_jax.agents.replay import make_replay
+from t2tl_jax.agents.row_codes import LARGE, make_codes
 from t2tl_jax.agents.shaping import potential
-from t2tl_jax.agents.td_learning import Transition, code_change, dqn_loss
+from t2tl_jax.agents.td_learning import Embedding, Transition, code_change, dqn_loss
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
@@ -30,7 +32,10 @@ from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 from t2tl_jax.training.optimizer import AdamLearnerConfig, clipped_adam
 from t2tl_jax.training.transfer import PART, with_encoder
 from t2tl_jax.training.types import Agent, Metrics, Params, repeated
-from t2tl_jax.training.unroll import Episode, Player, Step, advance, begin, by_task, env_scalars, summed
+from t2tl_jax.training.unroll import Episode, Player, Step, advance, begin, by_task, env_scalars, summed, task_totals
+
+ROWS = 1
+"""What the key of a batch is folded with for the rows that learn from it."""
 
 MAX_TASKS_APART = 16
 """Up to so many tasks of a table have columns of their own among the metrics."""
@@ -73,6 +78,9 @@ class DQNConfig(AdamLearnerConfig):
     counterfactual: bool = True
     """Learn every open row from every transition: the paper's simultaneous learning, CRM of the reward-machine paper.
     False is plain DQN on the row that the agent was in."""
+    rows_per_transition: int = 0
+    """Counterfactual learning of so many open rows at each use of a transition: the row that the agent was in, and
+    others that are drawn. 0 is all of them, which is out of reach for tables of thousands of rows."""
     double: bool = True
     """Choose the next action by the online network and value it by the target network (van Hasselt et al., 2016)."""
     printed_argmax: bool = False
@@ -92,7 +100,7 @@ class DQNConfig(AdamLearnerConfig):
         super().__post_init__()
         checks.counts(self, "num_envs", "unroll_length", "updates_per_step", "batch_size", "buffer_size")
         checks.counts(self, "target_period")
-        checks.counts(self, "learning_starts", least=0)
+        checks.counts(self, "learning_starts", "rows_per_transition", least=0)
         checks.shares(self, "discount", "epsilon_start", "epsilon_end")
         checks.positive(self, "max_gradient_norm")
         checks.not_negative(self, "learning_rate")
@@ -100,6 +108,11 @@ class DQNConfig(AdamLearnerConfig):
             raise ValueError(
                 f"buffer_size must hold at least one batch and one step of all environments, got "
                 f"buffer_size={self.buffer_size}, batch_size={self.batch_size}, num_envs={self.num_envs}"
+            )
+        if self.rows_per_transition and not self.counterfactual:
+            raise ValueError(
+                "plain DQN learns the row that the agent was in, and no others, got counterfactual=False with "
+                f"rows_per_transition={self.rows_per_transition}; leave that at 0"
             )
         if self.shaping and self.discount >= 1.0:
             raise ValueError(f"shaping needs discount below 1, or values may have no bound, got {self.discount}")
@@ -115,6 +128,11 @@ class DQNConfig(AdamLearnerConfig):
     def freezes_task_encoder(self) -> bool:
         """Whether it is kept as it is."""
         return self.network.freeze_task_encoder
+
+    @property
+    def rows_drawn(self) -> int:
+        """Rows that learn at each use of a transition; 0 for every open one."""
+        return self.rows_per_transition if self.counterfactual else 1
 
     @property
     def frames_per_iteration(self) -> int:
@@ -134,7 +152,7 @@ class DQNState:
 
     params: Params
     target_params: Params
-    target_embedding: jax.Array  # float32[rows, dim], the rows encoded by the target network
+    target_embedding: Any  # float32[rows, dim], the rows encoded by the target network; () if they never are as a whole
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
     carry: Carry  # the context window of every environment, leading axis [N]; () without context
@@ -157,7 +175,9 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
     config.network.state.check(env.objects, config.task_encoder)
     network = QNetwork(config.network, num_actions, env.objects)
     apply: Callable[..., Any] = network.apply  # as in dqn_loss
-    codes_move = config.task_encoder.learned and not config.freezes_task_encoder
+    reader = config.task_encoder
+    codes_move = reader.learned and not config.freezes_task_encoder
+    rows_drawn = config.rows_drawn
     begin_carry = partial(network.begin, env.observation_size)
     remember = partial(apply, method="remember")
     total_steps = iterations * config.unroll_length
@@ -172,8 +192,16 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
     )
     replay = make_replay(config.buffer_size, config.batch_size, config.num_envs, config.network.context)
 
-    def embed(params: Params, table: TaskTable) -> jax.Array:
-        return apply(params, table, method="embed")
+    embed, codes_of = make_codes(
+        reader, config.freezes_task_encoder, partial(apply, method="embed"), partial(apply, method="embed_rows")
+    )
+
+    def apart(table: TaskTable) -> bool:
+        """Whether of a large table only the rows that act and learn are encoded."""
+        return bool(rows_drawn) and codes_move and reader.rows_apart and table.num_rows > LARGE
+
+    def embed_target(params: Params, table: TaskTable) -> jax.Array | tuple[()]:
+        return () if apart(table) else embed(params, table)
 
     def choose(
         params: Params,
@@ -209,6 +237,10 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         action, value = q.argmax(axis=-1), q.max(axis=-1)
         return (action[:, 0] != action[:, 1]).astype(jnp.float32), value[:, 1] - value[:, 0]
 
+    def value(params: Params, embedding: jax.Array, carry: Carry, obs: jax.Array, row: jax.Array) -> jax.Array:
+        obs, carry = jax.tree.map(lambda x: x.reshape(-1, *x.shape[row.ndim :]), (obs, carry))
+        return apply(params, obs, embedding, row.reshape(-1), carry).max(axis=-1).reshape(row.shape)
+
     def map_params(state: DQNState, function: Callable[[Params], Params]) -> DQNState:
         return replace(
             state,
@@ -216,19 +248,23 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             target_params=function(state.target_params),
         )
 
+    def begin_all(env_params: TaskParams, key: jax.Array) -> Episode:
+        return begin(env, env_params, key, config.num_envs, episode_length, staggered=config.num_envs > 1)
+
     def init(key: jax.Array, env_params: TaskParams) -> DQNState:
         params_key, episodes_key, key = jax.random.split(key, 3)
-        episodes = begin(env, env_params, episodes_key, config.num_envs, episode_length, staggered=config.num_envs > 1)
+        episodes = begin_all(env_params, episodes_key)
         carry = repeated(begin_carry(), config.num_envs)
         params = network.init(params_key, env_params.table, episodes.state.obs, carry, method="initialise")
         obs = episodes.state.obs[0]
         steps = apply(params, begin_carry(), obs, jnp.int32(0), jnp.float32(0), method="extend")
         nothing = Shared(letter=jnp.int32(0), reward=jnp.float32(0), ended=jnp.bool_(False))
-        blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), nothing, jnp.bool_(False), steps)
+        mark = jnp.uint32(0) if rows_drawn else ()
+        blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), nothing, jnp.bool_(False), mark, steps)
         return DQNState(
             params=params,
             target_params=params,
-            target_embedding=embed(params, env_params.table),
+            target_embedding=embed_target(params, env_params.table),
             opt_state=optimizer.init(params),
             episodes=episodes,
             carry=carry,
@@ -237,14 +273,27 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             iteration=jnp.int32(0),
         )
 
+    def restart(state: DQNState, env_params: TaskParams) -> DQNState:
+        """Episodes under way are dropped: their rows mean nothing in the new table. What replay keeps stays."""
+        episodes_key, key = jax.random.split(state.key)
+        return replace(
+            state,
+            episodes=begin_all(env_params, episodes_key),
+            carry=network.next_episode(state.carry, jnp.ones(config.num_envs, bool)),
+            target_embedding=embed_target(state.target_params, env_params.table),
+            key=key,
+        )
+
     def interact(
-        state: DQNState, env_params: TaskParams, embedding: jax.Array, step: jax.Array, key: jax.Array
+        state: DQNState, env_params: TaskParams, embedding: Embedding, marked: Any, step: jax.Array, key: jax.Array
     ) -> tuple[DQNState, Step]:
         """One step of all environments, stored."""
 
         def explore(carry: Carry, now: State, key: jax.Array) -> tuple[jax.Array, Carry, tuple[()]]:
-            share = epsilon(config, step / total_steps)
-            return choose(state.params, embedding, carry, now.obs, env.row(now), key, share), carry, ()
+            share, row, coded = epsilon(config, step / total_steps), env.row(now), embedding
+            if callable(coded):  # of the rows that act, one after another
+                row, coded = jnp.arange(config.num_envs), coded(row)
+            return choose(state.params, coded, carry, now.obs, row, key, share), carry, ()
 
         def observe(carry: Carry, now: State, action: jax.Array, reward: jax.Array, ended: jax.Array) -> Carry:
             return network.next_episode(remember(state.params, carry, now.obs, action, reward), ended)
@@ -260,33 +309,42 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             config.discount,
         )
         steps = apply(state.params, done.carry, done.obs, done.action, done.reward, method="extend")
-        stored = Transition(done.obs, done.action, done.state.obs, done.row, done.shared, done.truncated, steps)
+        mark = marked[done.row] if rows_drawn else ()
+        stored = Transition(done.obs, done.action, done.state.obs, done.row, done.shared, done.truncated, mark, steps)
         return replace(state, episodes=episodes, carry=carry, buffer=replay.add(state.buffer, stored)), done
 
     def encode(
-        state: DQNState, table: TaskTable, fixed: jax.Array | None, count: jax.Array
-    ) -> tuple[DQNState, jax.Array, Callable]:
+        state: DQNState, table: TaskTable, known: Any, count: jax.Array
+    ) -> tuple[DQNState, Embedding, Callable | None]:
         """The rows of the table, encoded once for acting, learning and the target's copy, which comes every so often.
 
-        `fixed` is what a frozen encoder makes of them, at every step alike; None for one that learns. Also returns the
-        way back from a gradient of the embedding to one of the parameters.
+        `known` is what an encoder that is frozen or learns nothing makes of them, at every step alike; or, of rows that
+        are encoded apart, their codes of before; else None. Also returns the way back from a gradient of the embedding
+        to one of the parameters, where there is one.
         """
-        params = state.params
-        if fixed is None:
+        params, pullback = state.params, None
+        embedding: Any = known
+        if apart(table):
+            embedding = partial(codes_of, params, table, known)
+        elif codes_move:
             embedding, pullback = jax.vjp(lambda params: embed(params, table), params)
-        else:
-            embedding, pullback = fixed, lambda _: (optax.tree.zeros_like(state.params),)
+        elif reader.learned:
             params = with_encoder(params, state.target_params["params"][PART])  # the same: nothing to be copied
         target_params, target_embedding = optax.periodic_update(
-            (params, embedding), (state.target_params, state.target_embedding), count, config.target_period
+            (params, () if apart(table) else embedding),
+            (state.target_params, state.target_embedding),
+            count,
+            config.target_period,
         )
         return replace(state, target_params=target_params, target_embedding=target_embedding), embedding, pullback
 
     def update(
         state: DQNState,
         table: TaskTable,
-        embedding: jax.Array,
-        pullback: Callable,
+        known: Any,
+        embedding: Any,
+        pullback: Callable | None,
+        marked: Any,
         phi: jax.Array | None,
         ready: jax.Array,
         key: jax.Array,
@@ -298,14 +356,28 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         has to be held.
         """
         batch = replay.sample(state.buffer, key)
-        movement = code_change(table, embedding, state.target_embedding) if codes_move else {}
+        rows, movement = None, {}
+        if rows_drawn:
+            rows = drawn_rows(table, batch, marked, rows_drawn, jax.random.fold_in(key, ROWS))
+        target_embedding = state.target_embedding
+        if apart(table):
+            target_embedding = partial(codes_of, state.target_params, table, known)
+        elif codes_move:
+            movement = code_change(table, embedding, target_embedding)
 
-        def loss(params: Params, embedding: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
-            target = state.target_params, state.target_embedding
-            return dqn_loss(config, network, table, params, embedding, *target, batch, phi)
+        def loss(params: Params, embedding: Embedding) -> tuple[jax.Array, dict[str, jax.Array]]:
+            target = state.target_params, target_embedding
+            return dqn_loss(config, network, table, params, embedding, *target, batch, phi, rows)
 
-        (direct, by_embedding), scalars = jax.grad(loss, argnums=(0, 1), has_aux=True)(state.params, embedding)
-        gradient = optax.tree.add(direct, pullback(by_embedding)[0])
+        if pullback is not None:
+            (direct, by_embedding), scalars = jax.grad(loss, argnums=(0, 1), has_aux=True)(state.params, embedding)
+            gradient = optax.tree.add(direct, pullback(by_embedding)[0])
+        else:
+
+            def direct_loss(params: Params) -> tuple[jax.Array, dict[str, jax.Array]]:
+                return loss(params, partial(codes_of, params, table, known) if apart(table) else embedding)
+
+            gradient, scalars = jax.grad(direct_loss, has_aux=True)(state.params)
         gradient = jax.tree.map(lambda x: jnp.where(ready, x, 0.0), gradient)
         updates, opt_state = optimizer.update(gradient, state.opt_state, state.params)
         opt_state = jax.tree.map(
@@ -318,29 +390,33 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         table = env_params.table
         key, scan_key = jax.random.split(state.key)
         first = state.iteration * config.unroll_length
-        fixed = embed(state.params, table) if config.network.freeze_task_encoder else None
+        known = embed(state.params, table) if apart(table) or not codes_move else None
+        marked = marks(table) if rows_drawn else None
+        if table.starts is not None:  # pools take turns: this one may be new
+            state = replace(state, target_embedding=embed_target(state.target_params, table))
         phi = potential(table, config.discount) if config.shaping else None
 
         def one_step(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
             step, key = inputs
             act_key, *update_keys = jax.random.split(key, 1 + config.updates_per_step)
             count = step * config.updates_per_step  # of gradient steps, from which the target's copies are timed
-            state, embedding, pullback = encode(state, table, fixed, count)
+            state, embedding, pullback = encode(state, table, known, count)
 
             # ACT
-            state, done = interact(state, env_params, embedding, step, act_key)
+            state, done = interact(state, env_params, embedding, marked, step, act_key)
 
             # UPDATE
             ready = step + 1 > config.learning_starts // config.num_envs  # without a product, which would overflow
             for i, update_key in enumerate(update_keys):
                 if i > 0:
-                    state, embedding, pullback = encode(state, table, fixed, count + i)
-                state, scalars = update(state, table, embedding, pullback, phi, ready, update_key)
-            kept = done.totals, done.state.metrics, (done.task, done.total / done.elapsed)
+                    state, embedding, pullback = encode(state, table, known, count + i)
+                state, scalars = update(state, table, known, embedding, pullback, marked, phi, ready, update_key)
+            scores = done.task, done.total / done.elapsed
+            kept = done.totals, done.state.metrics, scores, task_totals(done, table)
             return state, (kept, scalars)
 
         steps = first + jnp.arange(config.unroll_length)
-        state, ((totals, env_metrics, scores), scalars) = jax.lax.scan(
+        state, ((totals, env_metrics, scores, tasks), scalars) = jax.lax.scan(
             one_step, state, (steps, jax.random.split(scan_key, config.unroll_length))
         )
         scalars = jax.tree.map(jnp.mean, scalars) | env_scalars(env_metrics)
@@ -348,8 +424,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         if 1 < table.num_tasks <= MAX_TASKS_APART:
             task, score = scores
             scalars |= by_task(totals.episodes, task, score, table.num_tasks)
-        totals = summed(totals)
-        return replace(state, key=key, iteration=state.iteration + 1), Metrics(episodes=totals, scalars=scalars)
+        metrics = Metrics(summed(totals), scalars, jax.tree.map(lambda x: x.sum(axis=0), tasks))
+        return replace(state, key=key, iteration=state.iteration + 1), metrics
 
     return Agent(
         init=init,
@@ -359,7 +435,9 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         frames_per_iteration=config.frames_per_iteration,
         begin=begin_carry,
         remember=remember,
+        restart=restart,
         compare=compare,
+        value=value,
         map_params=map_params,
         replay="buffer",
     )

@@ -238,6 +238,9 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         )
         return policy.kl(other_policy), other_value - value
 
+    def value(params: Params, embedding: jax.Array, carry: Carry, obs: jax.Array, row: jax.Array) -> jax.Array:
+        return apply(params, obs, embedding[row], carry, method="value")
+
     def begin_all(env_params: TaskParams, key: jax.Array) -> Episode:
         return begin(env, env_params, key, config.num_envs, episode_length, config.staggered_start)
 
@@ -444,6 +447,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         remember=remember,
         restart=restart,
         compare=compare,
+        value=value,
         num_envs=config.num_envs,
     )
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +19,11 @@ if TYPE_CHECKING:
     from t2tl_jax.agents.dqn import DQNConfig
 
 
+Embedding: TypeAlias = jax.Array | Callable[[jax.Array], jax.Array]
+"""The codes of the table's rows, float32[rows, dim]; or from rows int32[...] to their codes [..., dim], where only
+those that learn are encoded."""
+
+
 @struct.dataclass
 class Transition:
     """What replay keeps; the task is not part of it, beside the row that the agent was in."""
@@ -29,6 +34,7 @@ class Transition:
     row: jax.Array  # int32
     shared: Shared  # the letter of s', and what the environment itself paid and ended
     cut: jax.Array  # bool, ended by the time limit
+    mark: Any = ()  # uint32, of the row's formula, see `learning_rows.py`; () where every row learns
     steps: Any = ()  # with context: the window that the policy acted on and, in one slot more, this step
 
 
@@ -100,47 +106,56 @@ def dqn_loss(
     network: QNetwork,
     table: TaskTable,
     params: Params,
-    embedding: jax.Array,
+    embedding: Embedding,
     target_params: Params,
-    target_embedding: jax.Array,
+    target_embedding: Embedding,
     batch: Transition,
     phi: jax.Array | None = None,
+    rows: jax.Array | None = None,
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
-    """Huber loss of the TD errors, averaged over transitions and over the rows that learn: the open ones, or the own.
+    """Huber loss of the TD errors, averaged over transitions and over the rows that learn.
 
-    `embedding` is what `params` make of the table's rows, float32[rows, dim], `target_embedding` likewise; `phi`
-    as for `td_target`.
+    `embedding` is what `params` make of the table's rows, `target_embedding` likewise; `phi` as for `td_target`. `rows`
+    int32[B, R] are the rows that learn from each transition, R of them; None for every open one, or for the own one in
+    plain DQN. Where every row learns, its values at s' are computed once and looked up by the rows that lead to it.
     """
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
     before, after = without_newest(batch.steps), without_oldest(batch.steps)  # the windows at s and at s'
-    if config.counterfactual:
-        q = apply(params, batch.obs, embedding, before, method="every_row")  # [B, rows, A]
-        # A pass of its own over s', through which no gradient flows: together with s it would be differentiated too.
-        fixed = jax.lax.stop_gradient((params, embedding))
-        online = apply(fixed[0], batch.next_obs, fixed[1], after, method="every_row")
-        target = apply(target_params, batch.next_obs, target_embedding, after, method="every_row")
-        goal = td_targets(config, table, online, target, batch.shared, batch.cut, phi)
-        learns = jnp.broadcast_to(table.is_open, goal.shape)
-    else:
-        next_row, reward = table.step(batch.row, batch.shared.letter)  # [B]
-        q = apply(params, batch.obs, embedding, batch.row, before)[:, None]  # [B, 1, A]
-        target = apply(target_params, batch.next_obs, target_embedding, next_row, after)[:, None]
-        if config.double or config.printed_argmax:
-            which, coded = (params, embedding) if config.double else (target_params, target_embedding)
-            row = batch.row if config.printed_argmax else next_row
-            chooser = apply(which, batch.next_obs, coded, row, after)[:, None]
-        else:
-            chooser = target
-        row, next_row, reward = (x[:, None] for x in (batch.row, next_row, reward))
-        goal = td_target(config, table, row, next_row, reward, chooser, target, batch.shared, batch.cut, phi)
-        learns = jnp.ones_like(goal, bool)
+    here = there = embedding
+    target_there = target_embedding
+    if rows is None and not config.counterfactual:
+        rows = batch.row[:, None]
+    if rows is not None:
+        next_row, reward = table.step(rows, batch.shared.letter[:, None])  # [B, R]
+        here, there = _codes(embedding, jnp.stack([rows, next_row]))  # [B, R, dim]
+        target_there = _codes(target_embedding, next_row)
 
-    taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, rows] or [B, 1]
+    q = apply(params, batch.obs, here, before, method="every_row")  # [B, R, A]
+    # A pass of its own over s', through which no gradient flows: together with s it would be differentiated too.
+    fixed = jax.lax.stop_gradient((params, there))
+    online = apply(fixed[0], batch.next_obs, fixed[1], after, method="every_row")
+    target = apply(target_params, batch.next_obs, target_there, after, method="every_row")
+    if rows is None:
+        goal = td_targets(config, table, online, target, batch.shared, batch.cut, phi)
+        learns = compared = jnp.broadcast_to(table.is_open, goal.shape)
+    else:
+        chooser = online if config.double else target
+        if config.printed_argmax:
+            which = (params, here) if config.double else (target_params, _codes(target_embedding, rows))
+            chooser = apply(jax.lax.stop_gradient(which[0]), batch.next_obs, which[1], after, method="every_row")
+        goal = td_target(config, table, rows, next_row, reward, chooser, target, batch.shared, batch.cut, phi)
+        learns, compared = jnp.ones_like(goal, bool), table.is_open[next_row]
+
+    taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, R]
     error = taken - jax.lax.stop_gradient(goal)
     loss = jnp.mean(optax.losses.huber_loss(error), where=learns)
     scalars = {"q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}
     if config.counterfactual:
         # How far the target network's values are behind those of the online one: RMS over all actions at s'.
         lag = jnp.square(online - target).mean(axis=-1)
-        scalars["target_lag"] = jnp.sqrt(jnp.mean(lag, where=learns))
+        scalars["target_lag"] = jnp.sqrt(jnp.mean(lag, where=compared))
     return loss, {"loss": loss, **scalars}
+
+
+def _codes(embedding: Embedding, rows: jax.Array) -> jax.Array:
+    return embedding(rows) if callable(embedding) else embedding[rows]

@@ -19,7 +19,7 @@ from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry, ContextConfig, ContextEncoder, RecurrentNetwork
 from t2tl_jax.networks.state_encoder import StateEncoderConfig
 from t2tl_jax.networks.state_encoders import FlatConfig, check_context, make_state_encoder
-from t2tl_jax.networks.task_encoder import TaskEncoder, TaskEncoderConfig
+from t2tl_jax.networks.task_encoder import RowEncoder, TaskEncoder, TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.objects import Objects
@@ -107,6 +107,11 @@ class QNetwork(RecurrentNetwork):
         embedding = self.task_encoder(table)
         return jax.lax.stop_gradient(embedding) if self.config.freeze_task_encoder else embedding
 
+    def embed_rows(self, table: TaskTable, rows: jax.Array, known: jax.Array | None = None) -> jax.Array:
+        """float32[k, dim], those of some rows alone; only where the encoder's configuration says `rows_apart`."""
+        reader: RowEncoder = self.task_encoder  # type: ignore[assignment]
+        return reader.of_rows(table, rows, known)
+
     def see(self, obs: jax.Array) -> jax.Array:
         """The first layer of the state, of a network with context: obs [..., O] -> [..., state_layers[0]]."""
         return nn.relu(self.first_layer(obs))
@@ -129,7 +134,7 @@ class QNetwork(RecurrentNetwork):
         """obs [B, O], carry of B environments -> [B, 1, task_layer], before the last activation.
 
         The same for all tasks, which see no window of their own but the one of the policy that acted; but of every
-        task, [B, R, task_layer], if the state encoder reads it: task [R, dim] for every state or [B, 1, dim], one each.
+        task, [B, R, task_layer], if the state encoder reads it: task [R, dim] for every state or [B, R, dim], its own.
         """
         if self.config.state.reads_task:
             return self.deeper(self.first_layer(obs[:, None], task), None)
@@ -149,7 +154,7 @@ class QNetwork(RecurrentNetwork):
         return x
 
     def concat(self, obs: jax.Array, task: jax.Array, carry: Carry) -> tuple[jax.Array, jax.Array]:
-        """obs [B, O], task [R, dim] for every state or [B, 1, dim], one each -> [B, R, actions], [B, R, 1]."""
+        """obs [B, O], task [R, dim] for every state or [B, R, dim], its own -> [B, R, actions], [B, R, 1]."""
         first = self.first_layer(obs[:, None], task) if self.config.state.reads_task else self.first_layer(obs)[:, None]
         x = first + self.task_share(self.of_task(task))  # [B, R, first layer]
         window = self.window_code(carry)
@@ -185,13 +190,17 @@ class QNetwork(RecurrentNetwork):
         return state_value + advantage - advantage.mean(axis=-1, keepdims=True)
 
     def every_row(self, obs: jax.Array, embedding: jax.Array, carry: Carry = ()) -> jax.Array:
-        """Q of every row for each state: obs [B, O], embedding [rows, dim] -> [B, rows, actions]."""
+        """Q of every row for each state: obs [B, O], embedding [rows, dim] -> [B, rows, actions].
+
+        Of R rows of its own for each state where the embedding is [B, R, dim] -> [B, R, actions].
+        """
         if self.config.head == "concat":
             return self.dueling(*self.concat(obs, embedding, carry))
         features = self.features(obs, embedding, carry)
         if self.config.head == "film":
             return self.dueling(*self.film(features, self.of_task(embedding)))
-        both = jnp.einsum("bea,re->bra", self.matrices(features[:, 0]), self.codes(embedding))
+        matrices, codes = self.matrices(features[:, 0]), self.codes(embedding)
+        both = jnp.einsum("bea,re->bra" if codes.ndim == 2 else "bea,bre->bra", matrices, codes)
         return self.dueling(both[..., 1:], both[..., :1])
 
     def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, carry: Carry = ()) -> jax.Array:

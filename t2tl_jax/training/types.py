@@ -132,10 +132,13 @@ class Agent(NamedTuple):
     init(key, env_params) -> train_state
     iterate(train_state, env_params) -> (train_state, Metrics); advances training by `frames_per_iteration` environment
         steps
-    embed(params, table) -> float32[rows, dim]: the task encoder's output for every row of the task table
+    embed(params, table) -> float32[rows, dim]: the task encoder's output for every row of the task table; or whatever
+        else `act` reads of it
     begin() -> carry of one environment: what the policy takes from step to step, at the start of an episode; () for
         nothing
     act(params, embedding, carry, obs, row, key, deterministic) -> action; obs [..., O], row int32[...]
+    decide(params, embedding, carry, obs, row) -> carry: what the policy makes up its mind about before it acts, and
+        keeps in mind; arguments as for `act`, which then is given this carry. By default nothing.
     remember(params, carry, obs, action, reward) -> carry after a step: `action` was taken on `obs`, `reward` [...]
         followed. When the episode ends, go on with `begin()`.
     restart(train_state, env_params) -> train_state that goes on with other tasks, in a table of the same shapes:
@@ -144,6 +147,8 @@ class Agent(NamedTuple):
         by how much the value rises at obs [B, O] when the code of the task is `other` instead of `task`, both [dim]. Of
         the policy, the KL divergence KL(task || other) in nats, or for action values 1 where the greedy action is
         another one, else 0. None for learners that do not offer it.
+    value(params, embedding, carry, obs, row) -> float32[...]: what the critic expects of the policy in states of rows,
+        arguments as for `act`; of action values the greatest. None for learners without a critic.
     map_params(train_state, function) -> train_state with `function` applied to every set of the network's parameters
         that it holds.
     num_envs: environments that `iterate` may spread over devices, where it marks its arrays by `devices.over_envs`; 1
@@ -159,15 +164,19 @@ class Agent(NamedTuple):
 
     init: Callable[[jax.Array, TaskParams], Any]
     iterate: Callable[[Any, TaskParams], tuple[Any, Metrics]]
-    embed: Callable[[Params, TaskTable], jax.Array]
-    act: Callable[[Params, jax.Array, AgentCarry, jax.Array, jax.Array, jax.Array, bool], jax.Array]
+    embed: Callable[[Params, TaskTable], Any]
+    act: Callable[[Params, Any, AgentCarry, jax.Array, jax.Array, jax.Array, bool], jax.Array]
     frames_per_iteration: int
     begin: Callable[[], AgentCarry] = lambda: ()
+    decide: Callable[[Params, Any, AgentCarry, jax.Array, jax.Array], AgentCarry] = (
+        lambda params, embedding, carry, obs, row: carry
+    )
     remember: Callable[[Params, AgentCarry, jax.Array, jax.Array, jax.Array], AgentCarry] = (
         lambda params, carry, obs, action, reward: carry
     )
     restart: Callable[[Any, TaskParams], Any] | None = None
     compare: Callable[[Params, AgentCarry, jax.Array, jax.Array, jax.Array], tuple[jax.Array, jax.Array]] | None = None
+    value: Callable[[Params, Any, AgentCarry, jax.Array, jax.Array], jax.Array] | None = None
     map_params: Callable[[Any, Callable[[Params], Params]], Any] = map_params
     num_envs: int = 1
     replay: str = ""

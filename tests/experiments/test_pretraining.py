@@ -233,7 +233,6 @@ def test_a_frozen_encoder_has_to_be_pretrained():
         ("zone_ppo_closed_form", {"task_length": 10}, "leave task_length at 0"),
         ("zone_ppo_closed_form", {"task": "Until_1_3_1_2"}, "needs at least 12 propositions"),
         ("zone_ppo_closed_form", {"task": "Untl_1_2_1_1"}, "did you mean"),
-        ("waterworld_dqn", {}, "train families with ppo"),
     ],
 )
 def test_families_that_cannot_be_trained_are_explained(no_trace, name, changes, said):

@@ -1,0 +1,166 @@
+"""Rows that are drawn for each transition: their targets are those of all rows, and on average so is the loss."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from t2tl_jax.agents import row_codes
+from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+from t2tl_jax.agents.learning_rows import drawn_rows, marks
+from t2tl_jax.agents.td_learning import Transition, dqn_loss
+from t2tl_jax.ltl import compile_pool
+from t2tl_jax.ltl.turns import in_turns
+from t2tl_jax.networks.lookahead import LookaheadConfig
+from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.single_state import SingleState
+from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
+
+
+class Seen(SingleState):
+    """Something is observed, which says nothing."""
+
+    observation_size = 2
+
+    def reset(self, rng, params=None):
+        return super().reset(rng, params).replace(obs=jnp.ones(2))
+
+
+ENV = Seen()
+SIZE = 24
+
+
+def pool(number, length=14):
+    return compile_pool("Until_1_2_1_1", ENV.propositions, ENV.alphabet, number, size=4, rows=24, length=length)
+
+
+def turns(number):
+    return in_turns(pool(number), pool(number - 1) if number else None, number)
+
+
+def batch_of(table, key, row=None):
+    keys = jax.random.split(key, 4)
+    open_rows = np.flatnonzero(table.is_open)
+    row = jax.random.choice(keys[0], open_rows, (SIZE,)) if row is None else row
+    letter = jax.random.randint(keys[1], (SIZE,), 0, table.num_letters)
+    shared = Shared(letter, jnp.linspace(-0.1, 0.1, SIZE), jnp.arange(SIZE) % 5 == 0)
+    obs, after = jax.random.normal(keys[2], (2, SIZE, 2))
+    action = jax.random.randint(keys[3], (SIZE,), 0, 4)
+    return Transition(obs, action, after, row, shared, jnp.arange(SIZE) % 3 == 0, marks(table)[row])
+
+
+def test_marks_are_those_of_formulas_wherever_they_stand():
+    one, longer, joined = pool(0), pool(0, length=20), turns(1)
+    for table in (one, longer, joined):
+        by_text: dict[str, set[int]] = {}
+        for row, mark in enumerate(np.asarray(marks(table)).tolist()):
+            by_text.setdefault(table.text(row), set()).add(mark)
+        assert all(len(found) == 1 for found in by_text.values())
+        assert len(set.union(*by_text.values())) == len(by_text) > 8
+    np.testing.assert_array_equal(marks(one), marks(longer))
+    moved = [row for row in range(24, 46) if joined.is_open[row]]
+    np.testing.assert_array_equal(marks(joined)[jnp.array(moved)], marks(pool(1))[jnp.array(moved) - 22])
+
+
+def test_rows_are_drawn_from_all_that_are_open_and_the_played_one_is_first_as_long_as_it_is_there():
+    old, kept, new = turns(0), turns(1), turns(2)
+    batch = batch_of(old, jax.random.key(0))
+    draw = jax.jit(drawn_rows, static_argnums=3)
+    for table, there in ((old, True), (kept, True), (new, False)):
+        rows = np.asarray(
+            jax.vmap(lambda key, table=table: draw(table, batch, marks(table), 5, key))(
+                jax.random.split(jax.random.key(1), 200)
+            )
+        )  # [200, B, 5]
+        played = rows[..., 0] == np.asarray(batch.row)
+        assert played.all() if there else played.mean() < 0.5
+        counts = np.bincount(rows[..., 1:].reshape(-1), minlength=table.num_rows)
+        is_open = np.asarray(table.is_open)
+        assert not counts[~is_open].any()
+        expected = counts.sum() / is_open.sum()
+        assert np.abs(counts[is_open] - expected).max() < 5 * np.sqrt(expected)
+
+
+@pytest.mark.parametrize(("head", "changes"), [("film", {}), ("bilinear", {"printed_argmax": True, "double": False})])
+def test_drawn_rows_have_the_targets_of_all_rows(head, changes):
+    """With every open row once for each transition, loss and gradients are those of learning all rows; so drawn
+    uniformly they are unbiased."""
+    table = turns(1)
+    batch = batch_of(table, jax.random.key(2))
+    config = DQNConfig(discount=0.9, **changes)
+    network = QNetwork(QNetworkConfig(LookaheadConfig(4), state_layers=(8,), task_layer=8, head=head), num_actions=4)
+    every = jnp.broadcast_to(np.flatnonzero(table.is_open), (SIZE, int(table.is_open.sum())))
+
+    @jax.jit
+    def both(key):
+        params, target = (network.init(k, table, batch.obs, method="initialise") for k in jax.random.split(key))
+        codes = network.apply(params, table, method="embed")
+
+        def loss(params, rows):
+            return dqn_loss(config, network, table, params, codes, target, 0.5 * codes, batch, rows=rows)[0]
+
+        return [jax.value_and_grad(loss)(params, rows) for rows in (None, every)]
+
+    (loss, gradient), (same, other) = both(jax.random.key(3))
+    assert float(loss) == pytest.approx(float(same), rel=1e-5)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), gradient, other)
+    assert max(float(jnp.abs(x).max()) for x in jax.tree.leaves(gradient)) > 1e-3
+
+
+LEARNER = DQNConfig(
+    network=QNetworkConfig(LookaheadConfig(4), state_layers=(8,), task_layer=8),
+    num_envs=8, unroll_length=10, batch_size=16, buffer_size=400, learning_starts=0, target_period=7,
+    rows_per_transition=3, discount=0.9, learning_rate=1e-3,
+)  # fmt: skip
+
+
+@pytest.mark.slow
+def test_rows_encoded_apart_give_the_same_learning_as_all_of_them(monkeypatch):
+    """An encoder that learns, on a table that counts as large or not."""
+    reader = TransformerConfig(layers=1, width=8, heads=1, feed_forward=8, output=4)
+    config = dataclasses.replace(LEARNER, network=dataclasses.replace(LEARNER.network, task_encoder=reader))
+    given = TaskParams((), turns(1))
+    found = []
+    for large in (1024, 8):
+        monkeypatch.setattr(row_codes, "LARGE", large)
+        monkeypatch.setattr("t2tl_jax.agents.dqn.LARGE", large)
+        agent = make_dqn(TaskEnv(ENV, given.table), config, 20, iterations=4)
+        state, metrics = jax.jit(agent.iterate)(jax.jit(agent.init)(jax.random.key(0), given), given)
+        found.append((state.params, metrics.scalars["loss"], metrics.tasks))
+        assert isinstance(state.target_embedding, tuple) == (large == 8)
+    (params, *rest), (same, *others) = found
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3), rest, others)
+    for (path, one), other in zip(jax.tree_util.tree_leaves_with_path(params), jax.tree.leaves(same), strict=True):
+        if "['key']['bias']" not in jax.tree_util.keystr(path):  # its gradient is 0, of which Adam makes steps
+            np.testing.assert_allclose(one, other, atol=2e-4, err_msg=jax.tree_util.keystr(path))
+
+
+@pytest.mark.slow
+def test_learning_goes_on_over_tables_in_one_program():
+    """Pools in turns: episodes under way go on, replay stays, and codes of the target are those of the new rows."""
+    agent = make_dqn(TaskEnv(ENV, turns(0)), LEARNER, 20, iterations=10)
+    iterate, given = jax.jit(agent.iterate), TaskParams((), turns(0))
+    state = jax.jit(agent.init)(jax.random.key(0), given)
+    for number in range(4):
+        given = TaskParams((), turns(number))
+        before = state
+        for _ in range(2):
+            state, metrics = iterate(state, given)
+        assert metrics.tasks.episodes.shape == (2, 4) and np.isfinite(metrics.scalars["loss"])
+        np.testing.assert_array_equal(state.target_embedding, agent.embed(state.target_params, given.table))
+        assert any((a != b).any() for a, b in zip(*map(jax.tree.leaves, (state.params, before.params)), strict=True))
+    assert iterate._cache_size() == 1
+    restarted = jax.jit(agent.restart)(state, TaskParams((), turns(0)))
+    assert (restarted.episodes.elapsed == 0).all()
+    jax.tree.map(np.testing.assert_array_equal, restarted.buffer, state.buffer)
+    assert set(np.asarray(restarted.episodes.state.pipeline_state.row)) <= set(np.asarray(turns(0).initial_row))
+    np.testing.assert_array_equal(restarted.target_embedding, agent.embed(state.target_params, turns(0)))
+
+
+def test_plain_dqn_draws_no_rows():
+    with pytest.raises(ValueError, match="plain DQN learns the row that the agent was in"):
+        dataclasses.replace(LEARNER, counterfactual=False)
+    assert dataclasses.replace(LEARNER, counterfactual=False, rows_per_transition=0).rows_drawn == 1

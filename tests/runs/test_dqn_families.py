@@ -1,0 +1,35 @@
+"""Double DQN on tasks that change: a run that is interrupted goes on bit for bit, its replay with it."""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+import t2tl_jax
+from t2tl_jax.runs.config import Config, PoolConfig, RunConfig, SelectionConfig
+from tests.agents.test_learning_rows import ENV, LEARNER
+from tests.fake_runs import StopAfter
+
+CONFIG = Config(
+    env=t2tl_jax.EnvConfig(), task="Until_1_2_1_1", learner=dataclasses.replace(LEARNER, unroll_length=5),
+    pool=PoolConfig(size=4, rows=24, length=14, period=2, finish=True), random_starts=0.3, frames=240,
+    episode_length=10, selection=SelectionConfig(points=0), run=RunConfig(evaluation_episodes=0, gif=False),
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("finish", [True, False])
+def test_a_resumed_run_over_pools_is_the_uninterrupted_one(tmp_path, finish):
+    """Six iterations in three pools; it is stopped in the middle of the second one."""
+    chosen = dataclasses.replace(CONFIG, pool=dataclasses.replace(CONFIG.pool, finish=finish))
+    named = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(Config) if field.name != "env"}
+    whole = t2tl_jax.train(ENV, folder=tmp_path / "whole", **named)
+    part = t2tl_jax.train(ENV, folder=tmp_path / "part", callbacks=[StopAfter(3)], **named)
+    assert part.iteration == 3 and part.ended == "enough"
+    resumed = t2tl_jax.resume(tmp_path / "part", env=ENV)
+    assert resumed.iteration == whole.iteration == 6
+    jax.tree.map(np.testing.assert_array_equal, resumed.params["final"], whole.params["final"])
+    assert (tmp_path / "part" / "metrics.csv").read_text() == (tmp_path / "whole" / "metrics.csv").read_text()
+    moved = jax.tree.map(lambda a, b: float(np.abs(a - b).max()), whole.params["final"], part.params["final"])
+    assert max(jax.tree.leaves(moved)) > 0
