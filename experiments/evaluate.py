@@ -40,6 +40,8 @@ class Arguments:
     """Other physics than the run's, in ZoneEnv."""
     episode_length: int | None = None
     """Another time limit, in steps."""
+    plan: Literal["none", "critic"] | None = None
+    """Whether to choose among the ways that a task leaves open by the critic's value; by default as the run's own."""
     gif: bool = False
     """Also draw an episode again (episode.gif)."""
 
@@ -160,6 +162,8 @@ def _changes(stored: Any, arguments: Arguments) -> dict[str, Any]:
         changes["env"] = make_env(dataclasses.replace(stored.env, physics=arguments.physics))
     if arguments.episode_length is not None:
         changes["episode_length"] = arguments.episode_length
+    if arguments.plan is not None:
+        changes["plan"] = arguments.plan
     return changes
 
 

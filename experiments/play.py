@@ -34,6 +34,8 @@ class Arguments:
     """The parameters at the end of training, or those that did best in episodes played to choose between them."""
     episode_length: int | None = None
     """Another time limit, in steps."""
+    plan: Literal["none", "critic"] | None = None
+    """Whether to choose among the ways that a formula leaves open by the critic's value; by default as the run's."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,7 +62,8 @@ def _main(texts: list[str]) -> int:
 
     _, stored = open_existing(arguments.run)
     compilation_cache.use(stored.run.compilation_cache)
-    result = train.load(arguments.run)
+    changes: dict[str, Any] = {} if arguments.plan is None else {"plan": arguments.plan}
+    result = train.load(arguments.run, **changes)
     view = result.experiment.env.view()
     if arguments.gif is not None and view is None:
         raise UserError("--gif: this run's environment has no view from above")

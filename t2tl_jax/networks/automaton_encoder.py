@@ -43,6 +43,11 @@ class AutomatonConfig(TaskEncoderConfig):
         """It reads transitions."""
         return False
 
+    @property
+    def reads_transitions(self) -> bool:
+        """Nothing else."""
+        return True
+
 
 def count_labels(table: TaskTable) -> int:
     """How many sets of propositions can hold at a step."""

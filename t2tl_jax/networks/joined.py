@@ -53,6 +53,15 @@ class JoinedConfig(TaskEncoderConfig):
         return self.first.reads_tokens or self.second.reads_tokens
 
     @property
+    def reads_transitions(self) -> bool:
+        """Whether one of them does."""
+        return self.first.reads_transitions or self.second.reads_transitions
+
+    def letters_told(self, table: TaskTable) -> jax.Array:
+        """As the first of them that reads transitions."""
+        return (self.first if self.first.reads_transitions else self.second).letters_told(table)
+
+    @property
     def propositions_told(self) -> int | None:
         """As many as the first tells of, or else the second."""
         told = self.first.propositions_told

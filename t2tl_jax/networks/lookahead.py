@@ -61,6 +61,15 @@ class LookaheadConfig(TaskEncoderConfig):
         return True
 
     @property
+    def reads_transitions(self) -> bool:
+        """Nothing else."""
+        return True
+
+    def letters_told(self, table: TaskTable) -> jax.Array:
+        """Each proposition by itself, or `letters`."""
+        return table.letter(jnp.asarray(_labels(self, table)))
+
+    @property
     def propositions_told(self) -> int | None:
         """Of so many propositions there are numbers for each step; None where letters are told of."""
         return None if self.letters else self.propositions

@@ -43,6 +43,11 @@ class RolesConfig(TaskEncoderConfig):
         return True
 
     @property
+    def reads_transitions(self) -> bool:
+        """Nothing else."""
+        return True
+
+    @property
     def propositions_told(self) -> int:
         """Of so many propositions there is the role."""
         return self.propositions

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
 
 import jax
+import jax.numpy as jnp
 
 from t2tl_jax.ltl import TaskTable
 
@@ -33,6 +34,16 @@ class TaskEncoderConfig:
     def reads_tokens(self) -> bool:
         """Whether the code is made of the formula's tokens, each of which can be left out to see what it is for."""
         return self.learned
+
+    @property
+    def reads_transitions(self) -> bool:
+        """Whether the code is made of the table's transitions, so that rows of the same text may differ in it."""
+        return False
+
+    def letters_told(self, table: TaskTable) -> jax.Array:
+        """Of one that reads transitions: the letters that its code tells apart, int32[letters]; by default each
+        proposition by itself."""
+        return table.letter(jnp.eye(len(table.propositions), dtype=bool))
 
     @property
     def rows_apart(self) -> bool:

@@ -92,7 +92,7 @@ def certify(
             "certify the sampled policy"
         )
     experiment = experiment.with_table(next(iter(tables.values())))
-    env, agent, discount = experiment.task_env, experiment.agent, experiment.config.learner.discount
+    env, agent, discount = experiment.task_env, experiment.player, experiment.config.learner.discount
     size = min(BATCH, episodes)
 
     def counts(params: Params, env_params: TaskParams, key: jax.Array, counted: jax.Array) -> jax.Array:

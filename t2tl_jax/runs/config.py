@@ -191,6 +191,10 @@ class Config:
     """How many seeds (4 means 0, 1, 2, 3) or which (0,3,7; a single seed 7 is '7,'). All train in one program."""
     episode_length: Count = 1000
     """Time limit of an episode, in steps."""
+    plan: Literal["none", "critic"] = "none"
+    """At play, never in training: act by the shortest way to true as the task's code tells it, or look at every way
+    that the task leaves open and act by the one that the critic values most where the agent is. Needs a code that is
+    read off the table's transitions, such as lookahead."""
     run: RunConfig = field(default_factory=RunConfig)
     """Files and displays."""
 

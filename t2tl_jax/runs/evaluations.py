@@ -38,7 +38,7 @@ Settings = dict[str, str | int]
 def settings(folder: RunFolder, experiment: Experiment, which: Which, iteration: int, episodes: int) -> Settings:
     """Everything that tells one evaluation of a run from another, wherever its folder is moved."""
     config = experiment.config
-    return {
+    own: Settings = {
         "task": machine_files.name_of(config.task, folder.path),
         "physics": experiment.env.backend,
         "checkpoint": which,
@@ -46,6 +46,7 @@ def settings(folder: RunFolder, experiment: Experiment, which: Which, iteration:
         "episodes": episodes,
         "episode_length": config.episode_length,
     }
+    return own if config.plan == "none" else own | {"plan": config.plan}
 
 
 def evaluate_policies(
@@ -102,7 +103,7 @@ def evaluate_tables(
 
     def one(deterministic: bool) -> dict[Which, list[Report]]:
         count = distinct(experiment.task_env, episodes, deterministic)
-        play = player_of_seeds(experiment.task_env, experiment.agent, count, episode_length, discount, deterministic)
+        play = player_of_seeds(experiment.task_env, experiment.player, count, episode_length, discount, deterministic)
         reports: dict[Which, list[Report]] = {}
         for name, own in params.items():
             same = [other for other in reports if _equal(own, params[other])]
@@ -186,9 +187,13 @@ def solved(folder: RunFolder, config: Config, physics: str) -> Estimate | None:
     found = None
     for entry in stored(folder):
         what = entry.get("settings", {})
-        if what.get("checkpoint") in FINAL and all(
-            what.get(name, value) == value  # older files do not name all of them
-            for name, value in own.items()
+        if (
+            what.get("checkpoint") in FINAL
+            and what.get("plan", "none") == config.plan
+            and all(
+                what.get(name, value) == value  # older files do not name all of them
+                for name, value in own.items()
+            )
         ):
             try:
                 found = Estimate(**entry["policies"]["sampled"]["solved"])
@@ -213,7 +218,7 @@ def draw_episode(experiment: Experiment, params: Params, folder: RunFolder) -> b
     env_params = replace(env_params, env=seed_slice(env_params.env, 0))
     length = experiment.config.episode_length
     recording = record(
-        experiment.task_env, view, experiment.agent, seed_slice(params, 0), env_params, key, length, deterministic=True
+        experiment.task_env, view, experiment.player, seed_slice(params, 0), env_params, key, length, deterministic=True
     )
     try:
         save_gif(recording, view, folder.gif, captions(experiment.row_texts()))

@@ -8,9 +8,10 @@ from typing import Any
 import jax
 from jax.sharding import NamedSharding
 
+from t2tl_jax.agents.plan import planning
 from t2tl_jax.env import EnvParams, LabelledEnv, Purpose
 from t2tl_jax.errors import UserError, explained
-from t2tl_jax.ltl import TaskTable
+from t2tl_jax.ltl import TaskTable, ways
 from t2tl_jax.registry import AGENTS, ENVS
 from t2tl_jax.renaming import Renamed
 from t2tl_jax.runs.compilation import Compilation
@@ -59,6 +60,19 @@ class Experiment:
     def discounts(self) -> tuple[float, ...]:
         """The discount factor of each lane."""
         return tuple(numbers.get("discount", self.config.learner.discount) for numbers in self.numbers)
+
+    @property
+    def player(self) -> Agent:
+        """The learner as it plays: by its policy, or by a plan if the configuration asks for one.
+
+        Raises:
+            UserError: for a learner or a task that cannot be planned with.
+        """
+        if self.config.plan == "none":
+            return self.agent
+        with explained():
+            ways.check(self.table)
+        return planning(self.agent, self.config.learner.task_encoder)
 
     @property
     def task_env(self) -> TaskEnv:
@@ -203,6 +217,8 @@ def build(config: Config, env: LabelledEnv | None = None) -> Experiment:
         if pools is not None and agent.restart is None:
             raise UserError(
                 f"{config.task} is a family of random tasks, which change during training, and this learner cannot go "
-                "on with other tasks: it offers no `restart`; train families with ppo, or give a single task"
+                "on with other tasks: it offers no `restart`; train families with ppo or dqn, or give a single task"
             )
-        return Experiment(config, env, table, agent, pools)
+        experiment = Experiment(config, env, table, agent, pools)
+        experiment.player  # noqa: B018, refuses a plan that cannot be made
+        return experiment

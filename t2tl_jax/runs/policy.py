@@ -22,8 +22,8 @@ class Policy:
 
     params: Params
     """Parameters of the network."""
-    embedding: jax.Array
-    """``float32[rows, dim]``: the code of every row of the table."""
+    embedding: Any
+    """``float32[rows, dim]``: the code of every row of the table; with a plan, those of all ways."""
     table: TaskTable
     """The tasks, by row; `TaskTable.step` says how a row goes on."""
     agent: Agent = struct.field(pytree_node=False)
@@ -36,6 +36,15 @@ class Policy:
     def remember(self, carry: AgentCarry, obs: jax.Array, action: jax.Array, reward: jax.Array) -> AgentCarry:
         """The carry after a step in which `action` was taken on `obs` and `reward` followed."""
         return self.agent.remember(self.params, carry, obs, action, reward)
+
+    def decide(self, carry: AgentCarry, obs: jax.Array, row: jax.Array | int) -> AgentCarry:
+        """The carry of a policy that plans, with the way that it chooses on `obs` for a row of the table.
+
+        Ask for it before every action, and pass it on to `remember`, and the policy keeps to its choice; a call without
+        chooses anew each time. Other policies decide nothing.
+        """
+        row = jnp.broadcast_to(jnp.asarray(row, jnp.int32), jnp.shape(obs)[:-1])
+        return self.agent.decide(self.params, self.embedding, carry, jnp.asarray(obs), row)
 
     def row(self, task: str) -> int:
         """The row of the table that has the meaning of `task`: a formula, or the name of one.
@@ -80,7 +89,9 @@ class Policy:
             carry = ()
         deterministic = key is None
         key = jax.random.key(0) if key is None else key
-        return self.agent.act(self.params, self.embedding, carry, jnp.asarray(obs), row, key, deterministic)
+        obs = jnp.asarray(obs)
+        carry = self.agent.decide(self.params, self.embedding, carry, obs, row)
+        return self.agent.act(self.params, self.embedding, carry, obs, row, key, deterministic)
 
 
 def seed_slice(tree: Any, index: int) -> Any:

@@ -71,7 +71,7 @@ class Prompt:
         self._env_params = jax.device_put(replace(every, env=seed_slice(every.env, index)))
         self._key, self._next = jax.random.split(stream_keys(experiment.seeds, ANIMATION)[index])
         self._shapes: set[tuple[int, ...]] = set()
-        env, agent = experiment.task_env, experiment.agent
+        env, agent = experiment.task_env, experiment.player
         self._record = recorder(env, experiment.env.view(), agent, length, deterministic=True)
 
         def first_action(params: Params, env_params: TaskParams, key: jax.Array) -> jax.Array:
@@ -127,7 +127,7 @@ def _reads_rows_alone(agent: Agent, params: Params, table: TaskTable) -> bool:
         code = jax.eval_shape(agent.embed, params, _first_row(table))
     except (TypeError, ValueError):  # one part of it is, and the other does not fit beside it
         return False
-    return code.shape[0] == 1
+    return isinstance(code, jax.ShapeDtypeStruct) and code.shape[0] == 1
 
 
 def _first_row(table: TaskTable) -> TaskTable:

@@ -98,8 +98,8 @@ class Result:
         """
         experiment = self._on(task)
         params = seed_slice(self.params_of(which), self.index(seed))
-        embedding = jax.jit(experiment.agent.embed)(params, experiment.table)
-        return Policy(params, embedding, experiment.table, experiment.agent)
+        embedding = jax.jit(experiment.player.embed)(params, experiment.table)
+        return Policy(params, embedding, experiment.table, experiment.player)
 
     @overload
     def evaluate(
@@ -191,7 +191,7 @@ class Result:
             table = task
         experiment = self._elsewhere(env, table)
         try:
-            jax.eval_shape(lambda params: experiment.agent.embed(seed_slice(params, 0), table), self.params["final"])
+            jax.eval_shape(lambda params: experiment.player.embed(seed_slice(params, 0), table), self.params["final"])
         except (ValueError, TypeError) as error:
             raise UserError(
                 f"the network of this run cannot read {task}: {error}\n"

@@ -77,7 +77,9 @@ def player_of(agent: Agent, env: TaskEnv, params: Params, embedding: jax.Array, 
     """A trained agent as it is evaluated: its parameters stay, and its carry begins anew with every episode."""
 
     def act(carry: AgentCarry, state: State, key: jax.Array) -> tuple[jax.Array, AgentCarry, tuple[()]]:
-        return agent.act(params, embedding, carry, state.obs, env.row(state), key, deterministic), carry, ()
+        obs, row = state.obs, env.row(state)
+        carry = agent.decide(params, embedding, carry, obs, row)
+        return agent.act(params, embedding, carry, obs, row, key, deterministic), carry, ()
 
     def observe(carry: AgentCarry, state: State, action: jax.Array, reward: jax.Array, ended: jax.Array) -> AgentCarry:
         after = agent.remember(params, carry, state.obs, action, reward)
