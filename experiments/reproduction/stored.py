@@ -18,7 +18,7 @@ from t2tl_jax.evaluation.statistics import Estimate, rate
 from t2tl_jax.runs import config_files, params_file, train
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
-from t2tl_jax.runs.metrics_file import area, ending, history, read_columns
+from t2tl_jax.runs.metrics_file import area, ending, history, read_columns, write_compressed
 from t2tl_jax.runs.result import Result
 
 LAST = 0.05
@@ -217,7 +217,7 @@ def keep_sizes(folder: Path) -> None:
 
 
 def _copy_metrics(source: Path, target: Path, most: int | None) -> None:
-    """Copy a file of metrics, of every n-th iteration if there are more than `most`; n is a power of two or 1."""
+    """Compress a file of metrics, of every n-th iteration if there are more than `most`; n is a power of two or 1."""
     header, *rows = source.read_text(encoding="utf-8").splitlines()
     at = header.split(",").index("iteration")
     iterations = [int(float(row.split(",")[at])) for row in rows]
@@ -225,7 +225,7 @@ def _copy_metrics(source: Path, target: Path, most: int | None) -> None:
     while most is not None and max(iterations, default=0) > most * step:
         step *= 2
     kept = [row for row, iteration in zip(rows, iterations, strict=True) if iteration % step == 0]
-    target.write_text("\n".join([header, *kept]) + "\n", encoding="utf-8")
+    write_compressed(target, "\n".join([header, *kept]) + "\n")
 
 
 def _check_history(name: str, revision: str, repository: Path) -> None:

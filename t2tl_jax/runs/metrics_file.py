@@ -6,10 +6,12 @@ all the same.
 """
 
 import csv
+import gzip
 import itertools
 import math
 import os
 import warnings
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,12 @@ EPISODE_COLUMNS = (
 KEY_COLUMNS = ("iteration", "frames", "seed")
 FIXED_COLUMNS = (*KEY_COLUMNS, *EPISODE_COLUMNS)
 
+
+COMPRESSED = ".gz"
+"""Added to the name of a file that is kept for good: it is read wherever the plain one is missing."""
+
+MOST_BYTES = 2**31
+"""Of a compressed file, unpacked; more is refused, since a small file can hold very much."""
 
 AT_ONCE = 50_000
 """Lines that are read together."""
@@ -133,12 +141,33 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
 def _complete_lines(path: Path) -> list[str]:
     """All lines but a last one that was cut off in the middle, as a killed process may leave it."""
     try:
-        data = path.read_bytes()
+        data = _bytes(path)
         return data[: data.rfind(b"\n") + 1].decode("utf-8").splitlines(keepends=True)
+    except (UnicodeDecodeError, gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise MetricsFileError(f"{path} is damaged: {error}") from error
     except OSError as error:
         raise MetricsFileError(f"cannot read {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise MetricsFileError(f"{path} is damaged: {error}") from error
+
+
+def _bytes(path: Path) -> bytes:
+    compressed = path.with_name(path.name + COMPRESSED)
+    if path.exists() or not compressed.exists():
+        return path.read_bytes()
+    with gzip.open(compressed) as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise MetricsFileError(f"{compressed} holds more than {MOST_BYTES // 2**30} GiB; unpack it to read it")
+    return data
+
+
+def write_compressed(path: Path, text: str) -> None:
+    """Write ``metrics.csv.gz`` for the file of that path; equal texts give equal files.
+
+    Args:
+        path: of the plain file, which is not written.
+        text: all of it.
+    """
+    path.with_name(path.name + COMPRESSED).write_bytes(gzip.compress(text.encode("utf-8"), mtime=0))
 
 
 def _parse(path: Path, lines: Sequence[str]) -> dict[str, np.ndarray]:

@@ -1,5 +1,6 @@
 """Agents for any task: what they are tested on, what is stored of it, what training met, and the page made of it."""
 
+import gzip
 import json
 from dataclasses import replace
 from random import Random
@@ -207,12 +208,13 @@ def test_levels_show_codes_side_by_side_and_what_was_not_played(zones):
 
 def test_few_iterations_are_kept_as_they_are(tmp_path):
     made = write(tmp_path / "run", CONFIG, seeds=(0, 1), iterations=10, success_rate=np.arange(20).reshape(2, 10) / 20)
+    whole = (made.path / "metrics.csv").read_text().replace("\r\n", "\n")
     stored._copy_metrics(made.path / "metrics.csv", tmp_path / "all.csv", None)
-    assert (tmp_path / "all.csv").read_text() == (made.path / "metrics.csv").read_text().replace("\r\n", "\n")
+    assert gzip.decompress((tmp_path / "all.csv.gz").read_bytes()).decode() == whole
     stored._copy_metrics(made.path / "metrics.csv", tmp_path / "few.csv", 4)
-    header, *rows = (tmp_path / "few.csv").read_text().splitlines()
+    header, *rows = gzip.decompress((tmp_path / "few.csv.gz").read_bytes()).decode().splitlines()
     assert [row.split(",")[0] for row in rows] == ["4", "4", "8", "8"]
-    assert set(rows) < set((tmp_path / "all.csv").read_text().splitlines()) and header.startswith("iteration,")
+    assert set(rows) < set(whole.splitlines()) and header.startswith("iteration,")
 
 
 def test_the_picture_shows_what_is_stored(zones, tmp_path):

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from t2tl_jax.runs import metrics_file
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, MetricsFile, MetricsFileError, lines_up_to, read_columns
 
 HEADER = ",".join(FIXED_COLUMNS)
@@ -93,3 +94,20 @@ def test_columns_go_by_their_names(tmp_path):
     file.append([{"iteration": 2, "frames": 20, "seed": 7, "new": 1.5}])
     file.close()
     assert path.read_text().splitlines()[1:] == ["7,0.25,10,1", "7,1.5,20,2"]
+
+
+def test_a_compressed_file_is_read_where_the_plain_one_is_missing(write, tmp_path, monkeypatch):
+    path, packed = write(), tmp_path / "metrics.csv.gz"
+    plain = read_columns(path)
+    metrics_file.write_compressed(path, path.read_text())
+    made = packed.read_bytes()
+    path.unlink()
+    for name, values in read_columns(path).items():
+        np.testing.assert_array_equal(values, plain[name])
+    packed.write_bytes(made[: len(made) // 2])
+    with pytest.raises(MetricsFileError, match="damaged"):
+        read_columns(path)
+    packed.write_bytes(made)
+    monkeypatch.setattr(metrics_file, "MOST_BYTES", 10)
+    with pytest.raises(MetricsFileError, match="more than"):
+        read_columns(path)
