@@ -106,8 +106,9 @@ def _needed(made: Sequence[Number], results: Sequence[Array]) -> list[Number]:
 
 def _evaluate(numbers: Numbers, closed: ClosedJaxpr | Jaxpr, arguments: Sequence[Array]) -> list[Array]:
     """The results of a traced function."""
-    jaxpr: Jaxpr = getattr(closed, "jaxpr", closed)  # some hold theirs without constants since JAX 0.11
-    values: dict[Any, Array] = dict(zip(jaxpr.constvars, map(entries, getattr(closed, "consts", ())), strict=True))
+    whole: Any = closed
+    jaxpr: Jaxpr = getattr(whole, "jaxpr", whole)  # since JAX 0.11 some hold theirs without constants
+    values: dict[Any, Array] = dict(zip(jaxpr.constvars, map(entries, getattr(whole, "consts", ())), strict=True))
     values.update(zip(jaxpr.invars, arguments, strict=True))
 
     def read(variable: Any) -> Array:
