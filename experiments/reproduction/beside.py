@@ -179,8 +179,8 @@ def safe_before(results: Path) -> str:
     run = Stored(results / "zone_safe_h200" / "t1tl")
     note = """
         Before `zone_ppo_safe` had settings of its own: every episode from the start of the task, and a constant
-        learning rate. Seeds that fail stand still, or are lost again after they succeeded; the present settings are to
-        mend that, and were tried on seeds from 100 on in runs that are not kept."""
+        learning rate. Seeds that fail stand still, or are lost again after they succeeded. The present settings were
+        tried on seeds from 100 on in runs that are not kept, and what they come to stands above."""
     runs = {"t1tl": run}
     return "\n\n".join((paragraph(note), methods(runs, {"t1tl": "t1tl"}), made_by([run])))
 

@@ -18,7 +18,11 @@ parameters succeed in over 95 % of the evaluation's sampled episodes; the determ
 where everything is fixed, as in all items here, it has one episode a seed. Curves by episode: a seed that plays fewer
 counts with what it came to. Brackets are 95 % intervals: Student's t over seeds for means, Wilson for shares;
 differences are Welch's, or paired where seed k has the same map in both runs, and corrected for the number of
-comparisons of a table, be all of its runs there or not. Seconds are upper bounds: several trainings shared a GPU.
+comparisons of a table, be all of its runs there or not (Bonferroni). p is that of a two-sided permutation test, by
+Holm's correction; outcomes go by the interval alone, so that the two can differ near the edge.
+Seconds are upper bounds, of runs that shared a GPU with different others and were not all made by one commit: they do
+not compare methods. An encoder goes on from the best parameters of its pre-training, which a seed may have lost again
+by its end.
 Runs that were made on different days began with pre-trainings of their own, from the same seeds; a GPU does not repeat
 them exactly, and one of them is stored. Frames before are those of a run's own.
 Values with "±" are as published, a spread that is not said what it is. A claimed ordering is *reproduced* where the

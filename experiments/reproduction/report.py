@@ -24,11 +24,11 @@ PAGE = "docs/results.md"
 
 HEAD = """# Results
 
-Written by `python -m experiments.reproduce --report True` from what is stored in `results/`; do not edit. Every run is
-there with its configuration, metrics, evaluation, versions and the commit that made it, which is one of this history,
-without changes. First come the items of the paper, from `results/paper`, each with the command that measures it, then
-what was measured beside them. Agents that carry out formulas they were not trained on have a [page of their
-own](zeroshot.md)."""
+Written by `python -m experiments.reproduce --report True` from what is stored in `results/`; do not edit. Every run
+is there with its configuration, metrics, evaluation, versions and the commit that made it, which is one of this
+history, without changes; of pre-trainings that were made more than once, one. First come the items of the paper, from
+`results/paper`, each with the command that measures it, then what was measured beside them. Agents that carry out
+formulas they were not trained on have a [page of their own](zeroshot.md)."""
 
 ANY_PAGE = "docs/zeroshot.md"
 """The page of agents for any task, which is written as a whole too."""
@@ -36,24 +36,27 @@ ANY_PAGE = "docs/zeroshot.md"
 ANY_HEAD = """# Any formula, any map
 
 Written by `python -m experiments.reproduce --report True` from what is stored in `results`, folder any; do not edit.
-One agent for each environment carries out formulas that it was not trained on, on maps that it was not trained on.
+One agent for each environment is asked to carry out formulas that it was not trained on, on maps that it was not
+trained on, where the world has more than one. What is not measured yet says so.
 The formulas of the tests are named as in `t2tl_jax/ltl/benchmark_tasks.py`; `python -m experiments.reproduce --only
 any` makes all of it again."""
 
 ANY_TERMS = """\
 Success: the formula became true. It became false: violation. Ended by env: the agent left the arena while the formula
 was open. Steps are means over the episodes that succeed. Return is the mean discounted reward: 1 when the formula
-becomes true, and -1 for a violation or for leaving the arena, where others count 0, so that ours is never above theirs
-for the same episodes. Episodes: 500 for each seed, formula and policy, on maps that are kept for evaluation; of tasks
-with a map each, 10. Unless said otherwise the policy is sampled; its mode is the deterministic one. Brackets are 95 %
-intervals over seeds (of rates, Wilson's with one trial a seed); of several formulas, over seeds and formulas, both as
-samples. Rows met: of the formula's open rows, how many were a row of any pool of the training, by language; renamed:
-also under other names of propositions. A formula of which a row was met is not unseen in the strict sense: its last
-steps, such as "reach Blue", are rows of nearly every task. The formulas of the tests themselves are kept out of all
-pools, under whatever names, but for those of more than four colours, of `Until_1_2_1_1` and of the lists with maps.
-Seconds are upper bounds: several trainings shared a GPU. Figures of others: see `experiments/paper/published_any.py`;
-their step counts are of the same physics in the open ZoneEnv. Of long trainings the curves are kept at every n-th
-iteration."""
+becomes true, and -1 for a violation or for leaving the arena, where others count 0, so that ours is never above
+theirs for the same episodes. Episodes: 500 for each seed, formula and policy, on maps that are kept for evaluation;
+of tasks with a map each, 10. Unless said otherwise the policy is sampled; its mode is the deterministic one. Brackets
+are 95 % intervals over seeds (of rates, Wilson's with one trial a seed); of several formulas, over seeds and
+formulas, both as samples. Rows met: of the formula's open rows, how many were a row of any pool of the training, by
+language; renamed: also under other names of propositions. A formula of which a row was met is not unseen in the
+strict sense: its last steps, such as "reach Blue", are rows of nearly every task. The formulas of the tests
+themselves are kept out of all pools, under whatever names, but for those of more than four colours, of
+`Until_1_2_1_1` and of the lists with maps. Seconds are upper bounds: several trainings shared a GPU. Figures of
+others: see `experiments/paper/published_any.py`; their step counts are of the same physics in the open ZoneEnv.
+LTL2Action beside ours is as DeepLTL's authors trained it again, on a family that is not named. letters_reach_12 and
+letters_avoid_6 are inferred from their names, R-12 and RA-6; ours have 150 and 75 moves, and which limits theirs had
+is not published. Of long trainings the curves are kept at every n-th iteration."""
 
 
 @dataclass(frozen=True)

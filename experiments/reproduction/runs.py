@@ -56,7 +56,8 @@ ALONE = "1"
 """One seed is enough for a run whose time is taken."""
 
 TIMED = 10
-"""A run whose time is taken does one frame in so many: every iteration of a training takes the same time."""
+"""A run whose time is taken does one frame in so many: every iteration of a training takes the same time, where
+parameters are not compared on the way, which takes as long as their episodes."""
 
 MAPS = "1,2,3,4,5,6,7,8,9,10"
 """The maps of the reward-machine benchmark, which its seeds are."""
@@ -239,7 +240,8 @@ def _pretraining(
 
 def _timed(config: Config, before: str | None) -> Run:
     """The beginning of a training, for its time: one seed with the device to itself."""
-    return Run(replace(config, frames=config.frames // TIMED), before, seeds=ALONE, evaluated=False, alone=True)
+    config = replace(config, frames=config.frames // TIMED, selection=replace(config.selection, points=0))
+    return Run(config, before, seeds=ALONE, evaluated=False, alone=True)
 
 
 def _alone(new: dict[str, Run], before: str) -> str:

@@ -43,7 +43,7 @@ def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": list(sys.argv if arguments is None else arguments),
         "python": platform.python_version(),
-        "platform": platform.platform(),
+        "platform": "-".join((platform.system(), platform.machine(), "".join(platform.libc_ver()))),
         "cpu": _cpu_model(),
         "cpu_count": os.cpu_count(),
         "packages": {name: _version(name) for name in PACKAGES},

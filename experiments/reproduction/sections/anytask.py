@@ -189,7 +189,7 @@ def verdicts(of: Mapping[str, Any], bars: Sequence[Bar]) -> str:
         reached = (bar.least is None or measured >= bar.least) and (bar.most is None or measured <= bar.most)
         wanted = f"at least {bar.least:g}" if bar.least is not None else f"at most {bar.most:g}"
         rows.append((bar.says, wanted, estimate, "reached" if reached else "**not reached**"))
-    return table(("asked", "bar", "measured", ""), rows)
+    return table(("aim of this project", "bar", "measured", ""), rows)
 
 
 def _measured(of: Mapping[str, Any], bar: Bar) -> tuple[float, str]:

@@ -52,6 +52,10 @@ def completion(run: Stored, limit: int) -> dict[int, float]:
     return {seed: rate * on_success.get(seed, limit) + (1 - rate) * limit for seed, rate in rates.items()}
 
 
+_MAPS = ", on maps of 2.5x"
+"""Of worlds that differ in the size of the obstacles alone: their maps have room for the largest."""
+
+
 def claims(cells: tuple[step_tables.Cell, ...], same_maps: bool) -> Pairs:
     """The published order in each of these worlds."""
     return [
@@ -66,7 +70,7 @@ def _row(runs: Mapping[str, Stored], cell: step_tables.Cell, same_maps: bool, me
     if run is None:
         return []
     mean, spread = cell.published[method]
-    row = [f"{cell.goals} goals, {cell.obstacles} obstacles, {cell.size:g}x", method]
+    row = [f"{cell.goals} goals, {cell.obstacles} obstacles, {cell.size:g}x{_MAPS if same_maps else ''}", method]
     for limit in step_tables.LIMITS:
         row += [
             text(completion(run, limit), 1),

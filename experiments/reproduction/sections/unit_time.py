@@ -30,6 +30,9 @@ PUBLISHED: dict[str, dict[str, tuple[float, float]]] = {
 """Reward per unit time as printed, mean and spread, the best first: 0.01 per minute in ZoneEnv, per minute in
 WaterWorld."""
 
+UNITS = {"zone": 0.01, "water": 1.0}
+"""Of the values above."""
+
 WORLDS = {"zone": "ZoneEnv", "water": "WaterWorld"}
 
 READERS = {"t2tl": "transformer", "t1tl": "transformer", "gnn": "gnn"}
@@ -38,8 +41,9 @@ READERS = {"t2tl": "transformer", "t1tl": "transformer", "gnn": "gnn"}
 NOTE = """The published unit is not known (the paper's R_i cannot be what its curves show), so only orders compare: that
 of the printed values, every two of a world, though most of their printed spreads overlap. The time of a method
 is one number, of one seed alone on the device, so intervals and outcomes tell of the seeds' rewards alone and
-not of how that time would vary. It is taken over the frames of the column "timed"; that of the whole training
-is the same for each frame, and pre-training is timed whole. Outcomes are without compiling, which the published
+not of how that time would vary. It is taken over the frames of the column "timed",
+without the comparisons of parameters that a training makes on the way, and is the same for each frame of the whole
+training; pre-training is timed whole. Outcomes are without compiling, which the published
 program has none of. Pre-training and training compile side by side in use; here their seconds are added."""
 
 
@@ -66,7 +70,7 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
                 f"{compiling:.0f} s",
                 text(rates[name], 0),
                 text(per_minute(rewards, seconds + compiling), 0),
-                "-" if mean is None else f"{mean:.2f} ± {spread:.2f}",
+                "-" if mean is None else f"{mean * UNITS[world]:.4g} ± {spread * UNITS[world]:.4g}",
             )
         )
     if not rows:
