@@ -112,7 +112,10 @@ def _evaluate(numbers: Numbers, closed: ClosedJaxpr | Jaxpr, arguments: Sequence
     values.update(zip(jaxpr.invars, arguments, strict=True))
 
     def read(variable: Any) -> Array:
-        return entries(variable.val) if isinstance(variable, Literal) else values[variable]
+        if isinstance(variable, Literal):
+            aval: Any = variable.aval
+            return entries(np.asarray(variable.val, aval.dtype))  # it may be a number of Python, which has another
+        return values[variable]
 
     for equation in jaxpr.eqns:
         results = _operation(numbers, equation, [read(x) for x in equation.invars])

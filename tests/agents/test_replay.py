@@ -32,7 +32,7 @@ def steps(recompute, reset, count):
         action, row = jnp.array(rng.integers(1, 5, (2, ENVS)), jnp.int32)
         reward, ended = jnp.array(rng.normal(size=ENVS), jnp.float32), jnp.array(rng.random(ENVS) < 0.3)
         whole = jax.jit(append)(window, action, reward, seen)
-        yield Transition(obs, action, next_obs, row, Shared(row, reward, ended), ended, whole)
+        yield Transition(obs, action, next_obs, row, Shared(row, reward, ended), ended, steps=whole)
         window = following(whole, ended)
 
 

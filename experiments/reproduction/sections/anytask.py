@@ -273,9 +273,11 @@ def memory(names: Sequence[str], runs: Mapping[str, Stored]) -> str:
 
 def certified(name: str, runs: Mapping[str, Stored]) -> str:
     """Exact bounds for the policy of one seed."""
-    made = tested.read(runs[name].path).get(tested.CERTIFIED) if name in runs else None
-    if made is None:
+    if name not in runs:
         return ""
+    made = tested.read(runs[name].path).get(tested.CERTIFIED)
+    if made is None:
+        return "The run that is stored has none."
     rows = [
         (
             task,
