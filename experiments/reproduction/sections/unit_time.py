@@ -59,7 +59,7 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
         compiling = sum(one.compile_seconds for one in alone)
         rewards = reward_sum(run)
         rates[name] = per_minute(rewards, seconds)
-        mean, spread = PUBLISHED.get(world, {}).get(method, (None, None))
+        printed = [value * UNITS[world] for value in PUBLISHED.get(world, {}).get(method, ())]
         rows.append(
             (
                 name,
@@ -70,7 +70,7 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
                 f"{compiling:.0f} s",
                 text(rates[name], 0),
                 text(per_minute(rewards, seconds + compiling), 0),
-                "-" if mean is None else f"{mean * UNITS[world]:.4g} ± {spread * UNITS[world]:.4g}",
+                " ± ".join(f"{value:.4g}" for value in printed) or "-",
             )
         )
     if not rows:
