@@ -90,9 +90,16 @@ def fold(numbers: Numbers, name: str, x: Array, axes: tuple[int, ...], start: np
             for i in range(1, size):
                 total = call(numbers, name, total, x[..., i])
             x = total
-        else:
+        elif name == "add":
             x = entries(np.full(x.shape[:-1], start))
+        else:
+            raise NotImplementedError(f"{name} over an axis of length 0")
     return x
+
+
+def _only(x: Array, rank: int, name: str) -> None:
+    if x.ndim != rank:
+        raise NotImplementedError(f"{name} of an array of rank {x.ndim}")
 
 
 def _as_objects(x: Sequence[Any]) -> Array:
@@ -124,7 +131,8 @@ def dot(numbers: Numbers, x: Array, y: Array, dimension_numbers: Any) -> Array:
 
 
 def cholesky(numbers: Numbers, a: Array) -> Array:
-    """The lower triangle L of a = L L^T."""
+    """The lower triangle L of a = L L^T, of one matrix."""
+    _only(a, 2, "cholesky")
     call, size, a = numbers.call, len(a), singles(numbers, a)
     out = entries(np.zeros(a.shape, np.float32))
     for j, i in product(range(size), range(size)):
@@ -143,6 +151,7 @@ def triangular_solve(
     """x of op(a) x = b by substitution; only with a on the left."""
     if not left_side:
         raise NotImplementedError("triangular_solve with the matrix on the right")
+    _only(a, 2, "triangular_solve")
     call, size, a, b = numbers.call, len(a), singles(numbers, a), singles(numbers, b)
     a, lower = (a.T, not lower) if transpose_a else (a, lower)
     out = np.empty(b.shape, object)
@@ -157,6 +166,7 @@ def triangular_solve(
 
 def argmin(numbers: Numbers, x: Array, index_dtype: Any) -> Array:
     """The place of the first least entry of a vector, or of the first that is not a number."""
+    _only(x, 1, "argmin")
     x = singles(numbers, x)
     call, least, place = numbers.call, x[0], index_dtype.type(0)
     for i, entry in enumerate(x[1:], 1):

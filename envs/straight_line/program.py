@@ -21,7 +21,7 @@ SCATTERS = {"scatter": None, "scatter-add": "add", "scatter-mul": "mul"}
 """Operations that put numbers into an array, and what combines them with those that are there."""
 
 FOLDS = {"reduce_sum": "add", "reduce_max": "max", "reduce_min": "min", "reduce_and": "and", "reduce_or": "or"}
-"""Operations along axes, and what combines two numbers; they are not used on axes of length 0, sums excepted."""
+"""Operations along axes, and what combines two numbers."""
 
 
 def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[..., Any]:
@@ -36,7 +36,12 @@ def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[...,
     closed, shape = jax.make_jaxpr(function, return_shape=True)(*examples)
     numbers = Numbers()
     given = [_given(numbers, aval) for aval in closed.in_avals]
-    results = [singles(numbers, x) for x in _evaluate(numbers, closed, given)]
+    try:
+        results = [singles(numbers, x) for x in _evaluate(numbers, closed, given)]
+    except NotImplementedError:
+        raise
+    except Exception as error:  # another version of JAX may have other parameters, or arrays of other ranks
+        raise NotImplementedError(f"a rule does not fit: {type(error).__name__}: {error}") from error
     steps = _needed(numbers.made, results)
     dtypes, tree = [x.dtype for x in jax.tree.leaves(shape)], jax.tree.structure(shape)
 
@@ -163,7 +168,7 @@ def _scan(numbers: Numbers, params: dict[str, Any], given: list[Array]) -> list[
     kept = []
     rounds = range(params["length"])
     for i in reversed(rounds) if params["reverse"] else rounds:
-        now = _evaluate(numbers, params["jaxpr"], [*constants, *carry, *(x[i] for x in over)])
+        now = _evaluate(numbers, params["jaxpr"], [*constants, *carry, *(x[i, ...] for x in over)])
         carry, rest = now[: len(carry)], now[len(carry) :]
         kept.append(rest)
     stacked = [np.stack(x) for x in zip(*(reversed(kept) if params["reverse"] else kept), strict=True)]

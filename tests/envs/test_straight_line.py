@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs.straight_line import straight_line
+from envs.straight_line import program, straight_line
 from envs.zones import point_mjx
 from envs.zones.point_mjx import MjxPoint
 from tests.operations import operations
@@ -28,6 +28,8 @@ def chosen(m, v):
     best = jnp.argmin(jnp.where(v > 0, v, jnp.inf))
     v = jax.lax.cond(v.sum() > 0, lambda v: v + 1.0, lambda v: v * 2.0, v)
     v, seen = jax.lax.scan(lambda v, row: (v * row + m[0], v.max()), v, m)
+    total, _ = jax.lax.scan(lambda total, x: (total + x.reshape(1)[0], None), v[0], v)
+    seen = seen + total
     return m[best], v, seen, (v > 0).any(), v.astype(jnp.int32)
 
 
@@ -68,6 +70,20 @@ def test_what_has_no_rule_is_refused():
         straight_line(lambda v: jax.lax.while_loop(lambda v: v.sum() < 9, lambda v: 2 * v, v), VECTOR)
     with pytest.raises(NotImplementedError, match="a position that is computed"):
         straight_line(lambda v: v[v.astype(int)], VECTOR)
+    for wrong in (
+        lambda v: jnp.argmin(v[None], axis=1),
+        lambda v: v[:0].max(initial=-jnp.inf),
+        lambda v: (v[:0] > 0).all(),
+        lambda v: jnp.linalg.cholesky(jnp.stack([jnp.diag(jnp.exp(v))] * 2)),
+    ):
+        with pytest.raises(NotImplementedError):
+            straight_line(wrong, VECTOR)
+
+
+def test_a_rule_that_does_not_fit_is_a_refusal_too(monkeypatch):
+    monkeypatch.setattr(program, "_loop_arguments", lambda params, given: params["not there"])
+    with pytest.raises(NotImplementedError, match="does not fit: KeyError"):
+        straight_line(lambda v: jax.lax.scan(lambda c, x: (c + x, c), v.sum(), v), VECTOR)
 
 
 @pytest.mark.slow
