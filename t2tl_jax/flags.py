@@ -141,7 +141,8 @@ def _takes(hint: Any, words: Sequence[str], word: str) -> bool:
     """Whether a flag that has these words already takes another one."""
     if _many(hint):
         return True
-    return not words and (hint is not bool or word in _choices(bool))
+    # A truth value in other letters is taken, too, so that what is wrong with it can be said.
+    return not words and (hint is not bool or word.capitalize() in _choices(bool))
 
 
 def _many(hint: Any) -> bool:
@@ -161,7 +162,8 @@ def _value(flag: str, hint: Any, words: Sequence[str]) -> Any:
         with contextlib.redirect_stderr(io.StringIO()):
             return tyro.cli(one, args=["--value", *words], config=OPTIONS).value
     except (SystemExit, ValueError):
-        raise UserError(f"{flag} takes {_described(hint)}, got {' '.join(words) or 'nothing'!r}") from None
+        given = repr(" ".join(words)) if words else "nothing"
+        raise UserError(f"{flag} takes {_described(hint)}, got {given}") from None
 
 
 def _replaced(part: T, values: Mapping[str, Any], prefix: str = "--") -> T:
@@ -190,7 +192,10 @@ def _choices(hint: Any) -> list[str]:
     if get_origin(hint) in (Union, UnionType):
         parts = [part for part in get_args(hint) if part is not type(None)]
         own = [_choices(part) for part in parts]
-        return sum(own, ["None"]) if all(own) else []
+        if not all(own):
+            return []
+        words = [word for words in own for word in words]
+        return words if "none" in words else ["None", *words]  # two that differ in a capital would be mistaken
     return ["True", "False"] if hint is bool else []
 
 

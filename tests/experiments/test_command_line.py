@@ -197,6 +197,7 @@ def test_every_misspelt_option_is_answered(capsys):
         (evaluate, ["--run", "here"], "--run is no option: give it by itself; see"),
         (evaluate, ["here", "-q"], "every option begins with --, got '-q'; see python -m experiments.evaluate --help"),
         (evaluate, ["here", "--episodes", "few"], "--episodes takes a whole number, got 'few'"),
+        (evaluate, ["here", "--plan"], "--plan takes none or critic, got nothing"),
         (compare, [], "name one run or more"),
         (env, ["zones"], "every option begins with --, got 'zones'; see python -m experiments.benchmarks.env --help"),
         (env, ["--steps", "0"], "steps must be at least 1, got 0"),
@@ -206,6 +207,15 @@ def test_mistakes_of_other_commands_are_told_in_one_line(command, words, said, c
     assert command.main(words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"error: {said}") or f" {said}" in line
+
+
+@pytest.mark.parametrize("words", [["--gif", "true", "here"], ["here", "--gif", "TRUE"], ["here", "--plan", "None"]])
+def test_words_that_differ_in_capitals_are_answered_with_the_choices(words, capsys):
+    assert evaluate.main(words) == 2
+    flag, given = words[-2:] if words[0] == "here" else words[:2]
+    nearest, known = ("none", "critic, none") if flag == "--plan" else ("True", "False, True")
+    said = f"error: unknown {flag} {given!r}; did you mean {nearest!r}?\nKnown: {known}\n"
+    assert capsys.readouterr().err == said
 
 
 def test_unknown_tasks_are_refused_with_the_nearest(capsys, tmp_path):
