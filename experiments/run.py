@@ -11,6 +11,7 @@ from typing import Any
 from experiments.cli import hosts
 from experiments.cli.errors import guarded
 from t2tl_jax.errors import UserError
+from t2tl_jax.flags import HELP
 from t2tl_jax.quiet import quiet_imports
 
 STARTED = time.monotonic()
@@ -33,7 +34,8 @@ def command(arguments: list[str], prefix: str = "", module: str = "experiments.r
         UserError: for input that cannot be used.
     """
     rest, given = hosts.read(arguments)
-    with hosts.joined(given):
+    # What only tells about the command needs no other host.
+    with hosts.joined(None if {*HELP, "--list"} & set(rest) else given):
         return _command(rest, arguments, prefix, module)
 
 

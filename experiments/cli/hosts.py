@@ -75,7 +75,8 @@ def read(arguments: Sequence[str], environment: Mapping[str, str] = os.environ) 
         text = ",".join(given)
     address, *numbers = [part.strip() for part in text.split(",")]
     port = address.rpartition(":")[2]
-    if len(numbers) != 2 or not all(part.isdigit() for part in (*numbers, port)) or int(numbers[1]) >= int(numbers[0]):
+    whole = all(part.isascii() and part.isdecimal() for part in (*numbers, port))
+    if len(numbers) != 2 or not whole or int(numbers[1]) >= int(numbers[0]):
         raise UserError(
             f"{FLAG} takes {SLURM}, or HOST:PORT,COUNT,INDEX with indices from 0, such as node1:1234,2,0; got {text!r}"
         )
@@ -101,6 +102,9 @@ def joined(hosts: Hosts | None) -> Iterator[None]:
                 stack.enter_context(contextlib.redirect_stdout(nowhere))
             yield
     except BaseException as error:
+        if isinstance(error, SystemExit) and not error.code:  # an end in good order, as by the parser of the flags
+            watch.end()
+            raise
         watch.fail(error)
     watch.end()
 

@@ -1,5 +1,6 @@
 """Two processes as one run: the numbers of one process, one that dies ends the other, and what is left goes on."""
 
+import contextlib
 import subprocess
 import sys
 from dataclasses import replace
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments import run
 from experiments.cli import hosts
 from t2tl_jax import resume, train
 from t2tl_jax.errors import UserError, explained
@@ -25,7 +27,7 @@ def test_flag_and_variables():
     assert hosts.read(["--hosts=node1:1234,4,3"], {}) == ([], hosts.Hosts("node1:1234", 4, 3))
     given = dict(zip(hosts.VARIABLES, ("node1:1234", "2", "1"), strict=True))
     assert hosts.read([], given) == ([], hosts.Hosts("node1:1234", 2, 1))
-    for wrong in ("node1", "node1,2,0", "node1:1234,2,2", "node1:1234,2", "node1:1234,a,b", ""):
+    for wrong in ("node1", "node1,2,0", "node1:1234,2,2", "node1:1234,2", "node1:1234,a,b", "node1:1234,²,0", ""):
         with pytest.raises(UserError, match="--hosts takes slurm, or HOST:PORT,COUNT,INDEX"):
             hosts.read(["--hosts", wrong], {})
 
@@ -100,6 +102,27 @@ def test_an_error_is_told_to_the_others(left, monkeypatch, capsys):
     with pytest.raises(Left, match="2"):
         hosts.Watch().fail(UserError("no such folder\nbut others"))
     assert store == {"t2tl_jax/gone/0": "no such folder"} and "error: no such folder" in capsys.readouterr().err
+
+
+def test_an_end_in_good_order_is_no_error(left, monkeypatch):
+    done = []
+    monkeypatch.setattr(hosts, "_join", lambda given: None)
+    monkeypatch.setattr(hosts.threading.Thread, "start", lambda thread: None)
+    monkeypatch.setattr(hosts.Watch, "end", lambda watch: done.append("end"))
+    monkeypatch.setattr("t2tl_jax.training.hosts.store", Store)
+    for code, expected in ((0, SystemExit), (None, SystemExit), (3, Left)):
+        done.clear()
+        with pytest.raises(expected), hosts.joined(hosts.Hosts("node1:1234", 2, 0)):
+            raise SystemExit(code)
+        assert done == ([] if code else ["end"])
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--list"], ["--config", "fake", "-h"]])
+def test_help_waits_for_no_host(words, monkeypatch, capsys):
+    monkeypatch.setattr(hosts, "_join", lambda given: pytest.fail("the hosts were joined"))
+    with contextlib.suppress(SystemExit):
+        run.main([*words, "--hosts", "node1:1234,2,0"])
+    assert "zone_ppo" in capsys.readouterr().out
 
 
 def test_an_error_of_the_runtime_may_be_of_any_kind():
