@@ -4,6 +4,7 @@ What was proposed and told lies in the folder of the search, one JSON object a l
 before, on the number of the trial and on the seed of the search, so that a search goes on as if it had never stopped.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ import numpy as np
 
 from experiments.sweeps.space import Dimension
 from t2tl_jax.errors import UserError
+from t2tl_jax.runs import config_files
+from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import writing
 
 FILE = "search.jsonl"
@@ -19,6 +22,9 @@ FILE = "search.jsonl"
 
 NAME, CONTENT = "search", "search"
 """Of the study, and of its attribute that says what is searched."""
+
+CONFIGURATION = "configuration"
+"""Of what is searched, the configuration that all trials start from, as `recorded` writes it."""
 
 RANDOM_FIRST = 16
 """Trials that are drawn at random, before Optuna's model has something to go by."""
@@ -30,6 +36,12 @@ WORST = -1.0
 def worth(returns: np.ndarray) -> float:
     """What a trial is told to be worth: the mean over its seeds of the discounted return at the end."""
     return float(np.where(np.isfinite(returns), returns, WORST).mean())
+
+
+def recorded(config: Config) -> dict[str, Any]:
+    """A configuration for the record of a search: without its seeds, and what happens around the training."""
+    config_as_json = json.loads(config_files.to_json(config))
+    return {name: value for name, value in config_as_json.items() if name not in ("run", "seeds")}
 
 
 class Search:
@@ -60,21 +72,35 @@ class Search:
         except ModuleNotFoundError as error:
             raise UserError("a search needs Optuna: pip install 't2tl_jax[search]'") from error
         optuna.logging.set_verbosity(optuna.logging.WARNING)
-        self._optuna, self._dimensions, self._seed = optuna, dimensions, seed
+        self._optuna, self._dimensions, self._seed, self._begins = optuna, dimensions, seed, begins
         self._file = base / FILE
         if not begins and not self._file.is_file():
-            raise UserError(f"{base} holds no search yet, of which single trials could be trained")
+            raise self._no_search()
         base.mkdir(parents=True, exist_ok=True)
         with writing(self._file):
             if begins:
                 _cut_unfinished_line(self._file)
             self._study = self._opened()
             known = self._study.user_attrs.get(CONTENT)
+            if known is None and not begins:
+                raise self._no_search()
             if known is None:
                 self._study.set_user_attr(CONTENT, known := dict(content))
+            else:
+                known = self._of_this_version(known)
         if known != content:
             differ = sorted(name for name in content if not isinstance(known, dict) or known.get(name) != content[name])
             raise UserError(f"{base} holds a search that differs in {', '.join(differ)}; take another --folder")
+
+    def _no_search(self) -> UserError:
+        return UserError(f"{self._file.parent} holds no search yet, of which single trials could be trained")
+
+    def _of_this_version(self, known: Any) -> Any:
+        """What is searched, with its configuration as this version writes it: fields that are new have defaults."""
+        if not isinstance(known, dict) or CONFIGURATION not in known:
+            return known
+        config = config_files.from_json(json.dumps(known[CONFIGURATION]), f"the configuration in {self._file}")
+        return {**known, CONFIGURATION: recorded(config)}
 
     def _opened(self) -> Any:
         from optuna.storages.journal import JournalFileBackend, JournalStorage
@@ -84,8 +110,10 @@ class Search:
             storage = JournalStorage(JournalFileBackend(str(self._file)))
             if NAME in [study.study_name for study in storage.get_all_studies()]:
                 return self._optuna.load_study(storage=storage, study_name=NAME)
+            if not self._begins:
+                raise self._no_search()
             return self._optuna.create_study(storage=storage, study_name=NAME, direction="maximize")
-        except OSError:
+        except (OSError, UserError):
             raise
         except Exception as error:  # of any kind, by what is wrong with the file
             raise UserError(
@@ -100,11 +128,14 @@ class Search:
     def texts(self, number: int) -> dict[str, str]:
         """The setting of a trial as texts of flags, by field; it is proposed if it is the next one.
 
+        Only the process that holds the lock of the search proposes: two that did would make different trials of one
+        number.
+
         Raises:
-            UserError: for what lies outside of the space, or cannot be written.
+            UserError: for a trial that is not there, what lies outside of the space, or cannot be written.
         """
         trials = self._study.trials
-        if number > len(trials):
+        if number > len(trials) or (number == len(trials) and not self._begins):
             raise UserError(f"{self._file} has no trial {number}; the first {len(trials)} are proposed")
         params = trials[number].params if number < len(trials) else self._proposed(number)
         if set(params) != {dimension.field for dimension in self._dimensions}:

@@ -1,7 +1,6 @@
 """``--search``: settings are proposed in batches, trained, and ranked; the best one is named with how to report it."""
 
 import dataclasses
-import json
 import shlex
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,8 @@ from experiments.cli import request
 from experiments.cli.grid import Point
 from experiments.sweeps import report, space
 from experiments.sweeps.plan import PROG, Plan
-from experiments.sweeps.search import Search, worth
+from experiments.sweeps.search import CONFIGURATION, Search, recorded, worth
 from experiments.sweeps.work import Work
-from t2tl_jax.runs import config_files
 from t2tl_jax.runs.folder import RunFolder, locked
 
 DRAWN = 5
@@ -73,9 +71,8 @@ def _point(plan: Plan, search: Search, number: int) -> Point:
 
 def _content(plan: Plan) -> dict[str, Any]:
     """What makes a search the same one, for its record."""
-    config = json.loads(config_files.to_json(plan.config))
     return {
-        "configuration": {name: value for name, value in config.items() if name not in ("run", "seeds")},
+        CONFIGURATION: recorded(plan.config),
         "seeds": plan.config.seeds,
         "space": [dimension.text for dimension in plan.space],
         "search-seed": plan.search_seed,

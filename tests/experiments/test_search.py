@@ -12,7 +12,7 @@ import tests.fake_learner  # noqa: F401, the configuration `fake`
 from experiments import sweep, tuning
 from experiments.cli import request
 from experiments.sweeps import space
-from experiments.sweeps.search import FILE, Search, worth
+from experiments.sweeps.search import CONFIGURATION, FILE, Search, recorded, worth
 from t2tl_jax.errors import UserError
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import folder as run_folder
@@ -91,8 +91,8 @@ def test_a_seed_without_a_return_counts_as_the_worst():
 # ----- the trials -----
 
 
-def search_for(folder, texts=(RATE, EPOCHS), seed=0):
-    return Search(folder, dimensions(*texts), seed, {"space": list(texts), "search-seed": seed})
+def search_for(folder, texts=(RATE, EPOCHS), seed=0, begins=True):
+    return Search(folder, dimensions(*texts), seed, {"space": list(texts), "search-seed": seed}, begins)
 
 
 def objective(texts):
@@ -139,6 +139,34 @@ def test_another_seed_is_another_search(tmp_path):
         search_for(tmp_path / "one", seed=1)
     with pytest.raises(UserError, match="has no trial 5; the first 1 are proposed"):
         one.texts(5)
+
+
+def test_only_who_has_the_lock_proposes(tmp_path):
+    with pytest.raises(UserError, match="holds no search yet"):
+        search_for(tmp_path, begins=False)
+    search_for(tmp_path).texts(0)
+    file = tmp_path / FILE
+    before = file.read_bytes()
+    reader = search_for(tmp_path, begins=False)
+    assert reader.texts(0) == search_for(tmp_path).texts(0)
+    with pytest.raises(UserError, match="has no trial 1; the first 1 are proposed"):
+        reader.texts(1)
+    assert file.read_bytes() == before
+    for unfinished in (b"", before.splitlines(keepends=True)[0]):  # no study yet, or one that does not say of what
+        file.write_bytes(unfinished)
+        with pytest.raises(UserError, match="holds no search yet"):
+            search_for(tmp_path, begins=False)
+        assert file.read_bytes() == unfinished
+
+
+def test_a_search_of_before_there_was_a_field_is_still_the_same(tmp_path):
+    config = named_config("fake")
+    content = {CONFIGURATION: recorded(config), "space": []}
+    older = {**content, CONFIGURATION: {k: v for k, v in content[CONFIGURATION].items() if k != "plan"}}
+    Search(tmp_path, (), 0, older)
+    Search(tmp_path, (), 0, content)
+    with pytest.raises(UserError, match="holds a search that differs in configuration; take another --folder"):
+        Search(tmp_path, (), 0, {**content, CONFIGURATION: recorded(replace(config, frames=7))})
 
 
 def test_a_journal_that_was_changed_is_told(tmp_path):
