@@ -49,7 +49,7 @@ class Work:
         number_of = dict(zip(runs, numbers, strict=True))
         if self.only is not None:
             runs = {path: point for path, point in runs.items() if number_of[path] in self.only}
-        begun, groups = self._groups(missing(runs))
+        begun, groups = self._groups(runs)
         if self.cluster is not None:
             self._hand_over([*begun, *parts(groups, self.cluster.workers)], number_of)
             return
@@ -60,18 +60,24 @@ class Work:
             if self._train_group(group) not in ENDS:
                 raise Interrupted(f"in program {number} of {len(groups)}")
 
-    def _groups(self, configs: Mapping[Path, Config]) -> tuple[list[dict[Path, Config]], list[dict[Path, Config]]]:
-        """The groups that were begun and are gone on with, and new ones of the other points."""
+    def _groups(self, runs: Mapping[Path, Point]) -> tuple[list[dict[Path, Config]], list[dict[Path, Config]]]:
+        """The groups that were begun and are gone on with, and new ones of the other points.
+
+        A group that was stopped while its runs were written has some of them already. It is still the group of all of
+        its points, which leaves what is there as it is.
+        """
         begun = []
-        left = dict(configs)
+        left = missing(runs)
         for folder in sorted(self.base.glob("group-*")):
             paths = [self.base / name for name in names(folder)]
-            group = {path: left[path] for path in paths if path in left}
-            if group and group_folder(group, self.base) == folder:
+            group = {path: runs[path].config for path in paths if path in runs}
+            same = bool(group) and len(group) == len(paths) and group_folder(group, self.base) == folder
+            if same and any(path in left for path in group):
                 begun.append(group)
                 left = {path: config for path, config in left.items() if path not in group}
             elif self.only is None:
-                print(f"note: {folder} is an unfinished group of other points, which nothing here goes on with")
+                what = "left of a group whose runs are all there" if same else "an unfinished group of other points"
+                print(f"note: {folder} is {what}, which nothing here goes on with")
         return begun, programs(left)
 
     def _hand_over(self, groups: Sequence[Mapping[Path, Config]], numbers: Mapping[Path, int]) -> None:

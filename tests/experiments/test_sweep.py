@@ -1,5 +1,6 @@
 """Sweeps: which points a grid has, what shares a program, what is refused, and what the command leaves."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -8,9 +9,13 @@ import pytest
 import tests.fake_learner  # noqa: F401, the configuration `fake`
 from experiments import compare, evaluate, sweep
 from experiments.cli import grid, request
+from experiments.cli.grid import Point
 from experiments.sweeps import work
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs import group_split
+from t2tl_jax.runs.group import CONTENT, group_folder
+from t2tl_jax.runs.interrupts import NeverStop
 
 
 def points(config, *texts):
@@ -109,6 +114,35 @@ def test_a_sweep_leaves_ordinary_runs_a_table_and_a_picture(tmp_path, capsys):
     assert capsys.readouterr().out.count("compiled in") == 1
     assert command(tmp_path / "sweep", *grids, "--frames", "300") == 2
     assert "holds a run of other settings or seeds" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_group_of_which_some_runs_are_there_goes_on(tmp_path, monkeypatch, capsys):
+    """Stopped while its runs were written, it is not trained again."""
+    grid, write = ("--grid", "learner.rate=1e-2,3e-2"), group_split._write_metrics
+
+    def full(group, run, done, part, seeds):
+        if part.start:
+            raise OSError("the disk is full")
+        write(group, run, done, part, seeds)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(group_split, "_write_metrics", full)
+        with pytest.raises(OSError, match="the disk is full"):
+            command(tmp_path, *grid)
+    (left,) = tmp_path.glob("group-*")
+    capsys.readouterr()
+    assert command(tmp_path, *grid) == 0
+    said = capsys.readouterr().out
+    assert f"group  {left}" in said and "2 points side by side" in said and "note:" not in said
+    assert {path.name for path in tmp_path.iterdir()} == {"rate=1e-2", "rate=3e-2", "curves.png"}
+
+    points = {path: Point("", run_folder.open_existing(path)[1]) for path in tmp_path.glob("rate=*")}
+    kept = group_folder({path: point.config for path, point in points.items()}, tmp_path)
+    kept.mkdir()
+    (kept / CONTENT).write_text(json.dumps([{"name": path.name} for path in points]))
+    assert work.Work(tmp_path, NeverStop(), (), 0.0)._groups(points) == ([], [])
+    assert "left of a group whose runs are all there" in capsys.readouterr().out
 
 
 def test_a_sweep_needs_a_configuration_and_a_grid(tmp_path, capsys):
