@@ -1,9 +1,9 @@
 """``--workers``: the programs of a sweep as jobs of submitit, on this machine or on those of a SLURM cluster.
 
 Each job is this command itself with ``--only``: it trains some of the points and leaves their runs in the folder of the
-sweep. submitit hands a job over as a pickle. What is pickled here is the name of `work` and a list of words, in a
-folder that is made for these jobs and that others cannot write to; no result is ever unpickled: whether a job did its
-work is told by the runs that it leaves.
+sweep. submitit hands a job over as a pickle. What is pickled here is the name of `work`, a list of words and the names
+of GPUs, in a folder that is made for these jobs and that others cannot write to; no result is ever unpickled: whether a
+job did its work is told by the runs that it leaves.
 """
 
 import os
@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -53,8 +54,9 @@ class Cluster:
             is_done: whether a job has done its work.
 
         Raises:
-            UserError: if submitit is not there, or refuses the options.
+            UserError: if submitit is not there, or refuses the options, or there are too few GPUs.
         """
+        gpus = self._gpus
         folder = Path(tempfile.mkdtemp(prefix="jobs-", dir=base))
         waiting, running, failed = list(range(len(jobs))), dict[int, tuple[int, Any]](), []
         told = False
@@ -63,7 +65,7 @@ class Cluster:
                 while waiting and len(running) < self.workers and not told:
                     slot = min(set(range(self.workers)) - {slot for slot, _ in running.values()})
                     number = waiting.pop(0)
-                    running[number] = slot, self._submit(folder, slot, jobs[number])
+                    running[number] = slot, self._submit(folder, gpus[slot], jobs[number])
                 time.sleep(POLL)
                 for number, (_, job) in list(running.items()):
                     if job.done():
@@ -86,20 +88,41 @@ class Cluster:
                 shutil.rmtree(folder, ignore_errors=True)
         return failed + waiting
 
-    def _submit(self, folder: Path, slot: int, words: Sequence[str]) -> Any:
+    @cached_property
+    def _gpus(self) -> list[str]:
+        """What ``CUDA_VISIBLE_DEVICES`` is for each of the jobs at a time; empty where that is not said here."""
+        if self.engine != "local":
+            return [""] * self.workers
+        from experiments.reproduction.launch import visible_gpus  # which loads JAX
+
+        each = int(self.options.get("gpus_per_node", 0))
+        gpus = visible_gpus()
+        if gpus and not each:
+            print(
+                f"note: the jobs use no GPU, and there are {len(gpus)}; "
+                "--cluster-option gpus-per-node=1 gives each job one of its own",
+                flush=True,
+            )
+        if self.workers * each > len(gpus):
+            there = f"{len(gpus)}: {', '.join(gpus)}" if gpus else "none"
+            raise UserError(
+                f"--workers {self.workers} with gpus-per-node={each} takes {self.workers * each} GPUs, of which this "
+                f"process may use {there}" + (f"; take --workers {most}" if (most := len(gpus) // each) else "")
+            )
+        return [",".join(gpus[slot * each : (slot + 1) * each]) for slot in range(self.workers)]
+
+    def _submit(self, folder: Path, gpus: str, words: Sequence[str]) -> Any:
         try:
             import submitit
         except ModuleNotFoundError as error:
             raise UserError("--workers needs submitit: pip install 't2tl_jax[cluster]'") from error
         options: dict[str, Any] = {"name": "sweep", "timeout_min": A_YEAR} | dict(self.options)
-        if self.engine == "local" and (gpus := options.get("gpus_per_node", 0)):
-            options["local_visible_gpus"] = tuple(range(slot * gpus, (slot + 1) * gpus))
         # A Ctrl-C at the terminal is for this process, which then tells the jobs.
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             executor = submitit.AutoExecutor(folder, cluster=self.engine)
             executor.update_parameters(**options)
-            return executor.submit(work, list(words))
+            return executor.submit(work, list(words), gpus)
         except (ValueError, NameError, TypeError, RuntimeError, AssertionError, OSError) as error:
             raise UserError(f"submitit does not take this sweep to {self.engine}: {error}") from error
         finally:
@@ -114,8 +137,10 @@ class Cluster:
                 job.cancel(check=False)
 
 
-def work(words: Sequence[str]) -> int:
-    """What a job does: some points of a sweep."""
+def work(words: Sequence[str], gpus: str = "") -> int:
+    """What a job does: some points of a sweep, on these GPUs if any are named."""
+    if gpus:  # submitit knows numbers only, and GPUs may be named by UUID
+        os.environ["CUDA_VISIBLE_DEVICES"] = gpus
     from experiments import sweep
 
     with suppress(OSError):  # it leads a session already

@@ -111,9 +111,14 @@ def read(texts: Sequence[str]) -> Plan:
 def _numbers(text: str, count: int) -> list[int]:
     """What ``--only`` says; UserError for what is no list of points."""
     parts = [part.strip() for part in text.split(",")]
-    if not all(part.isdigit() and int(part) < count for part in parts):
+    if not all(_is_number(part) and int(part) < count for part in parts):
         raise UserError(f"--only takes numbers of points from 0 to {count - 1}, such as 0,2, got {text!r}")
     return sorted({int(part) for part in parts})
+
+
+def _is_number(text: str) -> bool:
+    """Whether a text is a whole number in the digits 0 to 9."""
+    return text.isascii() and text.isdecimal()
 
 
 def _cluster(handed: argparse.Namespace) -> Cluster | None:
@@ -129,7 +134,9 @@ def _cluster(handed: argparse.Namespace) -> Cluster | None:
         name, equals, value = text.partition("=")
         if not (name and equals and value):
             raise UserError(f"--cluster-option takes NAME=VALUE, such as timeout-min=600, got {text!r}")
-        options[name.replace("-", "_")] = int(value) if value.isdigit() else value
+        options[name.replace("-", "_")] = int(value) if _is_number(value) else value
+    if not isinstance(gpus := options.get("gpus_per_node", 0), int):
+        raise UserError(f"--cluster-option gpus-per-node takes a whole number, such as gpus-per-node=1, got {gpus!r}")
     engine = handed.cluster or "local"
     if engine == "slurm" and "timeout_min" not in options:
         raise UserError("a SLURM job has a time limit; give it with --cluster-option timeout-min=600 (minutes)")

@@ -13,8 +13,11 @@ import pytest
 
 import tests.fake_learner  # noqa: F401, the configuration `fake`
 from experiments import sweep
+from experiments.reproduction import launch
 from experiments.sweeps import work
+from experiments.sweeps.cluster import Cluster
 from t2tl_jax.runs.folder import RunFolder
+from t2tl_jax.runs.interrupts import NeverStop
 
 GRID = ("--grid", "learner.rate=1e-2,2e-2,3e-2")
 
@@ -52,7 +55,10 @@ def test_programs_are_taken_apart_for_idle_workers():
         (("--workers", "2", "--cluster", "slurm"), "a SLURM job has a time limit"),
         (("--workers", "2", "--cluster-option", "timeout-min"), "--cluster-option takes NAME=VALUE"),
         (("--workers", "2", "--cluster-option", "colour=red"), "submitit does not take this sweep to local: .*colour"),
+        (("--workers", "2", "--cluster-option", "gpus-per-node=two"), "gpus-per-node takes a whole number.* 'two'"),
+        (("--workers", "2", "--cluster-option", "gpus-per-node=²"), "gpus-per-node takes a whole number.* '²'"),
         (("--workers", "2", "--only", "1"), "leave --workers out"),
+        (("--only", "²"), "--only takes numbers of points from 0 to 2, such as 0,2, got '²'"),
         (("--only", "1,3"), "--only takes numbers of points from 0 to 2, such as 0,2, got '1,3'"),
     ],
 )
@@ -61,6 +67,47 @@ def test_what_cannot_be_handed_over_is_refused(flags, said, tmp_path, capsys):
     told = capsys.readouterr().err
     assert re.search(said, told), told
     assert not list(tmp_path.iterdir())
+
+
+def test_jobs_take_the_gpus_that_this_process_may_use(monkeypatch, capsys):
+    monkeypatch.setattr(launch, "visible_gpus", lambda: ["2", "GPU-b", "5"])
+    assert Cluster(3, options={"gpus_per_node": 1})._gpus == ["2", "GPU-b", "5"]
+    assert Cluster(1, options={"gpus_per_node": 2})._gpus == ["2,GPU-b"]
+    assert Cluster(8, "slurm", {"gpus_per_node": 4})._gpus == [""] * 8
+    assert capsys.readouterr().out == ""
+    assert Cluster(4)._gpus == [""] * 4
+    assert "note: the jobs use no GPU, and there are 3;" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("visible", "said"),
+    [
+        (
+            ["2", "3"],
+            "takes 3 GPUs, of which this process may use 2: 2, 3; take --workers 2$",
+        ),
+        ([], "may use none$"),
+    ],
+)
+def test_more_gpus_than_there_are_are_refused(visible, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(launch, "visible_gpus", lambda: visible)
+    assert command(tmp_path, *GRID, "--workers", "3", "--cluster-option", "gpus-per-node=1") == 2
+    told = capsys.readouterr().err
+    assert re.search(said, told), told
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_job_sees_the_gpus_of_its_slot(tmp_path, monkeypatch):
+    (tmp_path / "spy.py").write_text(
+        "import os, pathlib\n(pathlib.Path(__file__).parent / os.environ['CUDA_VISIBLE_DEVICES']).touch()\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
+    monkeypatch.setattr(launch, "visible_gpus", lambda: ["GPU-b"])
+    words = ("--import", "spy", "--config", "zone_ppo", "--grid", "learner.epochs=1,2", "--list")  # trains nothing
+    jobs = Cluster(1, options={"gpus_per_node": 1})
+    assert jobs.run([words], tmp_path, NeverStop(), lambda number: True) == []
+    assert {path.name for path in tmp_path.glob("GPU-*")} == {"GPU-b"}
 
 
 def test_damaged_groups_name_no_points(tmp_path):
