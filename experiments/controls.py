@@ -75,8 +75,10 @@ class NamesTaskEncoder(nn.Module):
 
         def code(tokens: jax.Array, mask: jax.Array) -> jax.Array:
             places = np.arange(1, len(tokens) + 1, dtype=np.uint32) * np.uint32(2654435761)
+            # Place counts as well as token. Two texts with the same products of both have the same code: 4, 3 and 6, 2,
+            # counted from 1. So rows are told apart in most tables, not in every one that could be.
             number = jnp.where(mask, (tokens.astype(jnp.uint32) + 1) * places, 0)
-            number = (number ^ (number >> 15)) * jnp.uint32(2246822519)  # tokens that change places change the sum
+            number = (number ^ (number >> 15)) * jnp.uint32(2246822519)
             return jax.random.rademacher(jax.random.key(number.sum()), (self.config.size,), jnp.float32)
 
         return jax.vmap(code)(table.tokens, table.mask)

@@ -56,7 +56,8 @@ themselves are kept out of all pools, under whatever names, but for those of mor
 others: see `experiments/paper/published_any.py`; their step counts are of the same physics in the open ZoneEnv.
 LTL2Action beside ours is as DeepLTL's authors trained it again, on a family that is not named. letters_reach_12 and
 letters_avoid_6 are inferred from their names, R-12 and RA-6; ours have 150 and 75 moves, and which limits theirs had
-is not published. Of long trainings the curves are kept at every n-th iteration."""
+is not published. Of long trainings the curves are kept at every n-th iteration, and in newer ones at closer
+iterations of the last 5 %."""
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ ALREADY_SMALL = ("tested.json",)
 REPOSITORY = Path(__file__).parents[2]
 
 MOST_ITERATIONS = 60
-"""Iterations of a curve that are kept of the runs of agents for any task, which are many."""
+"""Iterations of a curve that are kept of the runs of agents for any task, which are many; and so many of its end."""
 
 MOST_MEBIBYTES = 2
 """Size up to which a file of parameters is kept; in ZoneEnv all are smaller, in WaterWorld none is."""
@@ -112,15 +112,21 @@ class Stored:
 
     def end(self, name: str) -> dict[int, float]:
         """Mean of a metric over the last part of training, by seed; of episodes where it is one of episodes."""
-        known = ending(self.metrics, LAST)
+        iterations = np.unique(self.columns["iteration"])
+        kept = max(1, int((iterations > iterations[-1] - last_ones(int(iterations[-1]))).sum()))
+        known = ending(self.metrics, kept / len(iterations))
         if name not in known:
-            values = self.metrics[name]
-            known = {name: np.nanmean(values[:, -max(1, round(LAST * values.shape[1])) :], axis=1)}
+            known = {name: np.nanmean(self.metrics[name][:, -kept:], axis=1)}
         return dict(zip(self.seeds, known[name].tolist(), strict=True))
 
     def area(self, name: str) -> dict[int, float]:
-        """Mean of a metric over the whole training, by seed: the area under its curve over the frames."""
-        return dict(zip(self.seeds, area(self.metrics[name]).tolist(), strict=True))
+        """Mean of a metric over the whole training, by seed: the area under its curve over the frames.
+
+        Where only some iterations are kept, each stands for those since the one before.
+        """
+        iterations = np.unique(self.columns["iteration"])
+        values = area(self.metrics[name], np.diff(iterations, prepend=0))
+        return dict(zip(self.seeds, values.tolist(), strict=True))
 
     def played(self, which: str = "final", policy: str = "sampled", limit: int | None = None) -> dict[str, Any] | None:
         """A stored evaluation, within the run's own time limit by default; None where there is none."""
@@ -141,6 +147,11 @@ class Stored:
         """Share of seeds whose final parameters succeed in over 95 % of the episodes; *solved* means sampled ones."""
         rates = self.by_seed("success_rate", policy=policy, limit=limit)
         return rate(sum(value > 0.95 for value in rates.values()), len(rates))
+
+
+def last_ones(iterations: int) -> int:
+    """How many iterations of a training are its last part."""
+    return max(1, round(LAST * iterations))
 
 
 def unclean(session: Mapping[str, Any]) -> str:
@@ -178,7 +189,8 @@ def keep(
         agent: whether to keep the final and the best parameters of its first seed too, if they are small.
         say: told of parameters that are too large.
         repository: the checkout whose history must hold the commit that made the run.
-        most: so many iterations of its metrics are kept at most, evenly spaced and as they are; None for all.
+        most: so many iterations of its metrics are kept at most, evenly spaced and as they are, and as many of the last
+            part; None for all.
 
     Raises:
         UserError: if it was not made from a commit of this history as it stands.
@@ -217,15 +229,28 @@ def keep_sizes(folder: Path) -> None:
 
 
 def _copy_metrics(source: Path, target: Path, most: int | None) -> None:
-    """Compress a file of metrics, of every n-th iteration if there are more than `most`; n is a power of two or 1."""
+    """Compress a file of metrics: every n-th iteration if there are more than `most`, and of the last part, by which
+    `end` measures, every m-th if there are more than `most` there; n and m are powers of two or 1."""
     header, *rows = source.read_text(encoding="utf-8").splitlines()
     at = header.split(",").index("iteration")
     iterations = [int(float(row.split(",")[at])) for row in rows]
-    step = 1
-    while most is not None and max(iterations, default=0) > most * step:
-        step *= 2
-    kept = [row for row, iteration in zip(rows, iterations, strict=True) if iteration % step == 0]
+    count = max(iterations, default=0)
+    last = last_ones(count)
+    step, closer = _step(count, most), _step(last, most)
+    kept = [
+        row
+        for row, iteration in zip(rows, iterations, strict=True)
+        if iteration % (closer if iteration > count - last else step) == 0
+    ]
     write_compressed(target, "\n".join([header, *kept]) + "\n")
+
+
+def _step(count: int, most: int | None) -> int:
+    """The least power of two such that every so many-th of `count` iterations are `most` at most; 1 for None."""
+    step = 1
+    while most is not None and count > most * step:
+        step *= 2
+    return step
 
 
 def _check_history(name: str, revision: str, repository: Path) -> None:

@@ -220,10 +220,23 @@ def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Dead
         if code := attention.main([str(folder), "--all-seeds", "True", "--episodes", episodes]):
             raise UserError(f"reading {folder} failed with exit code {code}")
     if result.ended in ENDS and run.tested:
-        if deadline.passed or stop.requested:
-            return OUT_OF_TIME
-        tested.add(run, scale.name, result, tested.missing(run, scale.name, folder))
+        return _test(run, scale, result, deadline, stop)
     return result.ended
+
+
+def _test(run: Run, scale: Scale, result: Result, deadline: Deadline, stop: Stoppable) -> str:
+    """Play what a run is tested on, as far as time allows; returns how that ended."""
+    assert result.folder is not None
+    folder, name = result.folder, scale.name
+
+    def stopped() -> bool:
+        return deadline.passed or stop.requested
+
+    try:
+        stop.call(lambda: tested.add(run, name, result, tested.missing(run, name, folder), stopped), "while testing")
+    except Interrupted as when:
+        return f"stopped {when}"
+    return result.ended if tested.is_complete(run, name, folder) else OUT_OF_TIME
 
 
 def _limits(run: Run, scale: Scale) -> list[int]:

@@ -161,7 +161,9 @@ def _bytes(path: Path) -> bytes:
 
 
 def write_compressed(path: Path, text: str) -> None:
-    """Write ``metrics.csv.gz`` for the file of that path; equal texts give equal files.
+    """Write ``metrics.csv.gz`` for the file of that path.
+
+    Equal texts give equal files where the same zlib compresses them; another version or build of it may differ.
 
     Args:
         path: of the plain file, which is not written.
@@ -287,18 +289,19 @@ def history(path: Path, seeds: Sequence[int] | None = None) -> dict[str, np.ndar
     return {name: values[places] for name, values in curves.items()}
 
 
-def area(values: np.ndarray) -> np.ndarray:
+def area(values: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
     """Area under learning curves over their length, which is their average over all frames: float64[seeds].
 
-    Iterations are equally long. One in which no episode ended has the value of the one before, and 0 at the start.
+    An iteration in which no episode ended has the value of the one before, and 0 at the start.
 
     Args:
         values: float[seeds, iterations], NaN where no episode ended.
+        weights: how long each iteration counts, float[iterations]; None if they are equally long.
     """
     known = np.isfinite(values)
     latest = np.maximum.accumulate(np.where(known, np.arange(values.shape[1]), -1), axis=1)
     filled = np.take_along_axis(values, np.maximum(latest, 0), axis=1)
-    return np.where(latest >= 0, filled, 0.0).mean(axis=1)
+    return np.average(np.where(latest >= 0, filled, 0.0), axis=1, weights=weights)
 
 
 def ending(curves: Mapping[str, np.ndarray], last: float) -> dict[str, np.ndarray]:

@@ -2,6 +2,8 @@
 
 import gzip
 import json
+import shutil
+import threading
 from dataclasses import replace
 from random import Random
 from types import SimpleNamespace
@@ -15,7 +17,7 @@ import tests.fake_learner  # noqa: F401
 from envs.zones import OPEN, ZoneEnv
 from experiments.controls import NamesConfig, NamesTaskEncoder
 from experiments.paper import fixed_set
-from experiments.reproduction import stored
+from experiments.reproduction import stored, work
 from experiments.reproduction.anytask import met, picture, suites, tested
 from experiments.reproduction.anytask.suites import Suite
 from experiments.reproduction.plan import Run
@@ -24,6 +26,7 @@ from experiments.reproduction.sections import anytask
 from experiments.reproduction.sections.anytask import Bar
 from t2tl_jax.ltl import Chains, Limits, compile_tasks, make_sampler, resolve_tasks
 from t2tl_jax.registry import make_env, named_config
+from t2tl_jax.runs import interrupts
 from t2tl_jax.runs.config import PoolConfig
 from tests.fake_learner import CONFIG
 from tests.made_up_runs import write
@@ -61,6 +64,48 @@ def test_what_was_played_is_stored_by_seed_and_is_not_played_again(run, result):
         assert set(figures) == set(tested.FIGURES) and all(len(values) == 2 for values in figures.values())
         rates = [figures[name] for name in tested.FIGURES if name.endswith("_rate")]
         np.testing.assert_allclose(np.sum(rates, axis=0), 1.0)
+
+
+def test_a_part_that_fails_leaves_the_others_and_none_is_begun_once_stopped(run, result, monkeypatch, tmp_path):
+    def made(run, scale, result, part):
+        if part == "bad":
+            raise ValueError("no such part")
+        return part, {"scale": scale}
+
+    monkeypatch.setattr(tested, "_made", made)
+    monkeypatch.setattr(tested, "AT_ONCE", 1)  # the one that fails comes first
+    here = replace(result, folder=tmp_path)
+    with pytest.raises(ValueError, match="no such part"):
+        tested.add(run, "smoke", here, ["bad", "one", "two"])
+    assert set(tested.read(tmp_path)) == {"one", "two"}
+    tested.add(run, "smoke", here, ["three"], stopped=lambda: True)
+    assert set(tested.read(tmp_path)) == {"one", "two"}
+
+
+@pytest.mark.parametrize("by", ["time", "signal"])
+def test_a_run_that_is_stopped_while_it_is_tested_is_not_done(run, result, monkeypatch, tmp_path, by):
+    """The parts come one after another, and time or a signal comes with the first."""
+    deadline, stop = work.Deadline(60), interrupts.StopRequest()
+    begun, release = [], threading.Event()
+
+    def made(run, scale, result, part):
+        begun.append(part)
+        if by == "time":
+            deadline.at = 0
+        else:
+            stop._event.set()
+            release.wait(timeout=20)
+        return part, {"scale": scale}
+
+    monkeypatch.setattr(tested, "_made", made)
+    monkeypatch.setattr(tested, "AT_ONCE", 1)
+    here = replace(result, folder=tmp_path)
+    said = work._test(run, SimpleNamespace(name="smoke"), here, deadline, stop)
+    assert said == (work.OUT_OF_TIME if by == "time" else "stopped while testing")
+    release.set()
+    for thread in stop._abandoned:
+        thread.join(timeout=20)
+    assert begun == ["one by one"] and list(tested.read(tmp_path)) == begun
 
 
 def test_the_stored_figures_are_those_of_an_evaluation(result):
@@ -197,9 +242,9 @@ def test_bars_are_reached_or_not():
 
 
 def test_levels_show_codes_side_by_side_and_what_was_not_played(zones):
-    row = cells(anytask.levels({"any-zones-transformer": zones}))["transformer"]
+    row = cells(anytask.levels({"any-zones-transformer": zones}))["transformer"]  # of the last table, the costs
     heading = ["training", "same family", *anytask.LEVELS]
-    assert row == ["1 s"] or len(row) in (len(heading), 4)
+    assert row == ["2", *anytask.cost(zones)]
     table = anytask.levels({"any-zones-transformer": zones}).split("\n\n")[0]
     shown = dict(zip(heading, cells(table)["transformer"], strict=True))
     assert shown["z1 to z6"].startswith("0.99 [") and shown["deeper"] == "-"
@@ -213,8 +258,23 @@ def test_few_iterations_are_kept_as_they_are(tmp_path):
     assert gzip.decompress((tmp_path / "all.csv.gz").read_bytes()).decode() == whole
     stored._copy_metrics(made.path / "metrics.csv", tmp_path / "few.csv", 4)
     header, *rows = gzip.decompress((tmp_path / "few.csv.gz").read_bytes()).decode().splitlines()
-    assert [row.split(",")[0] for row in rows] == ["4", "4", "8", "8"]
+    assert [row.split(",")[0] for row in rows] == ["4", "4", "8", "8", "10", "10"]
     assert set(rows) < set(whole.splitlines()) and header.startswith("iteration,")
+
+
+@pytest.mark.parametrize(("iterations", "many", "last"), [(1000, 29, 50), (2000, 29, 50)])
+def test_of_few_iterations_the_end_is_measured_by_the_last_ones(tmp_path, iterations, many, last):
+    rate = np.linspace(0, 1, iterations)[None] * [[1.0], [0.5]]
+    whole = write(tmp_path / "run", CONFIG, (0, 1), iterations, success_rate=rate, target_lag=rate)
+    shutil.copytree(whole.path, tmp_path / "few")
+    (tmp_path / "few" / "metrics.csv").unlink()
+    stored._copy_metrics(whole.path / "metrics.csv", tmp_path / "few" / "metrics.csv", stored.MOST_ITERATIONS)
+    few = stored.Stored(tmp_path / "few")
+    kept = np.unique(few.columns["iteration"])
+    assert len(kept) == many + last and kept[-1] == iterations and (kept > 0.95 * iterations).sum() == last
+    for name in ("success_rate", "target_lag"):
+        assert few.end(name) == pytest.approx(whole.end(name), rel=1e-3)
+        assert few.area(name) == pytest.approx(whole.area(name), abs=0.02)  # its dense end weighs no more
 
 
 def test_the_picture_shows_what_is_stored(zones, tmp_path):

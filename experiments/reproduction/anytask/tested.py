@@ -5,7 +5,7 @@ Each part (a suite, the certificates, the episodes for a picture) is written as 
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
@@ -80,14 +80,36 @@ def read(folder: Path) -> dict[str, Any]:
     return read_json(file) if file.is_file() else {}
 
 
-def add(run: Run, scale: ScaleName, result: Result, which: Sequence[str]) -> None:
-    """Play some parts, and store each as soon as it is done. Their programs compile side by side."""
+def add(
+    run: Run,
+    scale: ScaleName,
+    result: Result,
+    which: Sequence[str],
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """Play some parts, and store each as soon as it is done. Their programs compile side by side.
+
+    A part that fails leaves the others as they are; the first error is raised when they are done. Once `stopped` says
+    so, no further part is begun.
+    """
     assert result.folder is not None
-    file = result.folder / FILE
+    file, failed = result.folder / FILE, list[Exception]()
+
+    def play(part: str) -> tuple[str, dict[str, Any]] | None:
+        return None if stopped() else _made(run, scale, result, part)
+
     with ThreadPoolExecutor(max_workers=AT_ONCE) as threads:
-        for made in as_completed([threads.submit(_made, run, scale, result, part) for part in which]):
-            part, entry = made.result()
-            write_text(file, _compact({**read(result.folder), part: entry}))
+        for made in as_completed([threads.submit(play, part) for part in which]):
+            try:
+                found = made.result()
+            except Exception as error:
+                failed.append(error)
+                continue
+            if found is not None:
+                part, entry = found
+                write_text(file, _compact({**read(result.folder), part: entry}))
+    if failed:
+        raise failed[0]
 
 
 def _compact(content: dict[str, Any]) -> str:
