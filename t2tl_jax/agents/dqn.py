@@ -22,7 +22,7 @@ from t2tl_jax.agents.learning_rows import drawn_rows, marks
 from t2tl_jax.agents.replay import make_replay
 from t2tl_jax.agents.row_codes import LARGE, make_codes
 from t2tl_jax.agents.shaping import potential
-from t2tl_jax.agents.td_learning import Embedding, Transition, code_change, dqn_loss
+from t2tl_jax.agents.td_learning import Embedding, Marked, Transition, code_change, dqn_loss
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
@@ -131,8 +131,23 @@ class DQNConfig(AdamLearnerConfig):
 
     @property
     def rows_drawn(self) -> int:
-        """Rows that learn at each use of a transition; 0 for every open one."""
-        return self.rows_per_transition if self.counterfactual else 1
+        """Rows that are drawn at each use of a transition; 0 where none are: every open one learns, or the own one."""
+        return self.rows_per_transition if self.counterfactual else 0
+
+    def refuses_family(self, rows: int) -> str:
+        """Plain DQN does, whose replay would hold rows of tables that are gone; and tables too large for all rows."""
+        if not self.counterfactual:
+            return (
+                "plain DQN learns the row that the agent was in, and of a family, whose tasks change, replay holds "
+                "rows that are gone, got counterfactual=False; train families with learner.counterfactual=True, or "
+                "give a single task"
+            )
+        if not self.rows_per_transition and rows > LARGE:
+            return (
+                f"the tables of this family have {rows:,} rows, and every transition is to be learned for all of "
+                f"them, which is out of reach above {LARGE:,}; learn some of them: learner.rows_per_transition=8"
+            )
+        return ""
 
     @property
     def frames_per_iteration(self) -> int:
@@ -200,6 +215,10 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         """Whether of a large table only the rows that act and learn are encoded."""
         return bool(rows_drawn) and codes_move and reader.rows_apart and table.num_rows > LARGE
 
+    def with_mark(transition: Transition, marked: Any) -> Transition:
+        """As replay keeps it, where `marked` are the marks of the rows."""
+        return Marked(**vars(transition), mark=marked[transition.row]) if rows_drawn else transition
+
     def embed_target(params: Params, table: TaskTable) -> jax.Array | tuple[()]:
         return () if apart(table) else embed(params, table)
 
@@ -259,8 +278,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         obs = episodes.state.obs[0]
         steps = apply(params, begin_carry(), obs, jnp.int32(0), jnp.float32(0), method="extend")
         nothing = Shared(letter=jnp.int32(0), reward=jnp.float32(0), ended=jnp.bool_(False))
-        mark = jnp.uint32(0) if rows_drawn else ()
-        blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), nothing, jnp.bool_(False), mark, steps)
+        blank = Transition(obs, jnp.int32(0), obs, jnp.int32(0), nothing, jnp.bool_(False), steps)
         return DQNState(
             params=params,
             target_params=params,
@@ -268,7 +286,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             opt_state=optimizer.init(params),
             episodes=episodes,
             carry=carry,
-            buffer=replay.init(blank),
+            buffer=replay.init(with_mark(blank, jnp.zeros(1, jnp.uint32))),
             key=key,
             iteration=jnp.int32(0),
         )
@@ -309,9 +327,9 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             config.discount,
         )
         steps = apply(state.params, done.carry, done.obs, done.action, done.reward, method="extend")
-        mark = marked[done.row] if rows_drawn else ()
-        stored = Transition(done.obs, done.action, done.state.obs, done.row, done.shared, done.truncated, mark, steps)
-        return replace(state, episodes=episodes, carry=carry, buffer=replay.add(state.buffer, stored)), done
+        stored = Transition(done.obs, done.action, done.state.obs, done.row, done.shared, done.truncated, steps)
+        buffer = replay.add(state.buffer, with_mark(stored, marked))
+        return replace(state, episodes=episodes, carry=carry, buffer=buffer), done
 
     def encode(
         state: DQNState, table: TaskTable, known: Any, count: jax.Array
@@ -357,7 +375,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         """
         batch = replay.sample(state.buffer, key)
         rows, movement = None, {}
-        if rows_drawn:
+        if isinstance(batch, Marked):
             rows = drawn_rows(table, batch, marked, rows_drawn, jax.random.fold_in(key, ROWS))
         target_embedding = state.target_embedding
         if apart(table):

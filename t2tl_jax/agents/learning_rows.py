@@ -14,7 +14,7 @@ import numpy as np
 from t2tl_jax.ltl import TaskTable
 
 if TYPE_CHECKING:
-    from t2tl_jax.agents.td_learning import Transition
+    from t2tl_jax.agents.td_learning import Marked
 
 _FACTOR = 2_654_435_761  # odd, so that no token is lost; from Knuth's multiplicative hashing
 
@@ -32,7 +32,7 @@ def marks(table: TaskTable) -> jax.Array:
     return jnp.where(table.mask, mixed * powers, np.uint32(0)).sum(axis=-1, dtype=jnp.uint32)
 
 
-def drawn_rows(table: TaskTable, batch: "Transition", known: jax.Array, count: int, key: jax.Array) -> jax.Array:
+def drawn_rows(table: TaskTable, batch: "Marked", known: jax.Array, count: int, key: jax.Array) -> jax.Array:
     """The rows that learn from each transition, int32[B, count]: the row that the agent was in, and others.
 
     The others are drawn uniformly from the open rows, with replacement, so that on average they are all open rows. A

@@ -34,8 +34,14 @@ class Transition:
     row: jax.Array  # int32
     shared: Shared  # the letter of s', and what the environment itself paid and ended
     cut: jax.Array  # bool, ended by the time limit
-    mark: Any = ()  # uint32, of the row's formula, see `learning_rows.py`; () where every row learns
     steps: Any = ()  # with context: the window that the policy acted on and, in one slot more, this step
+
+
+@struct.dataclass
+class Marked(Transition):
+    """Where rows are drawn: a class of its own, so that other replays have the form that they always had on disk."""
+
+    mark: Any = ()  # uint32, of the row's formula, see `learning_rows.py`
 
 
 def td_target(

@@ -162,7 +162,8 @@ def make_pools(config: Config, env: LabelledEnv) -> Pools | None:
 
     Raises:
         ValueError: for pools that are to let episodes finish and change too soon for that, and for a curriculum whose
-            episodes do not finish, or whose tasks cannot be drawn by their success.
+            episodes do not finish, or whose tasks cannot be drawn by their success; and for a learner that cannot
+            learn families, or none with so many rows.
     """
     if not is_family(config.task, env.propositions):
         return None
@@ -181,6 +182,8 @@ def make_pools(config: Config, env: LabelledEnv) -> Pools | None:
             f"learner.unroll_length = {pool.period} x {steps} steps; set pool.period to "
             f"{-(-config.episode_length // steps)} or more, or pool.finish=False"
         )
+    if why := config.learner.refuses_family(2 * pool.rows - 2 if pool.finish else pool.rows):
+        raise ValueError(why)
     return Pools(config, env)
 
 

@@ -115,6 +115,10 @@ class LearnerConfig(abc.ABC):
         """Steps of every environment in one iteration; by default there is one environment."""
         return self.frames_per_iteration
 
+    def refuses_family(self, rows: int) -> str:
+        """Why a family of tasks whose tables have so many rows cannot be learned; '' if it can, as by default."""
+        return ""
+
     @property
     def max_frames(self) -> int:
         """The most frames for which no 32-bit counter overflows; by default iterations are all that is counted."""

@@ -10,13 +10,16 @@ import pytest
 from t2tl_jax.agents import row_codes
 from t2tl_jax.agents.dqn import DQNConfig, make_dqn
 from t2tl_jax.agents.learning_rows import drawn_rows, marks
-from t2tl_jax.agents.td_learning import Transition, dqn_loss
+from t2tl_jax.agents.td_learning import Marked, Transition, dqn_loss
 from t2tl_jax.ltl import compile_pool
 from t2tl_jax.ltl.turns import in_turns
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.transformer import TransformerConfig
-from t2tl_jax.single_state import SingleState
+from t2tl_jax.registry import make_env
+from t2tl_jax.runs.config import Config, PoolConfig
+from t2tl_jax.runs.pools import make_pools
+from t2tl_jax.single_state import SingleState, SingleStateConfig
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 
 
@@ -49,7 +52,7 @@ def batch_of(table, key, row=None):
     shared = Shared(letter, jnp.linspace(-0.1, 0.1, SIZE), jnp.arange(SIZE) % 5 == 0)
     obs, after = jax.random.normal(keys[2], (2, SIZE, 2))
     action = jax.random.randint(keys[3], (SIZE,), 0, 4)
-    return Transition(obs, action, after, row, shared, jnp.arange(SIZE) % 3 == 0, marks(table)[row])
+    return Marked(obs, action, after, row, shared, jnp.arange(SIZE) % 3 == 0, mark=marks(table)[row])
 
 
 def test_marks_are_those_of_formulas_wherever_they_stand():
@@ -160,7 +163,34 @@ def test_learning_goes_on_over_tables_in_one_program():
     np.testing.assert_array_equal(restarted.target_embedding, agent.embed(state.target_params, turns(0)))
 
 
-def test_plain_dqn_draws_no_rows():
+def test_plain_dqn_draws_no_rows_and_keeps_no_marks():
     with pytest.raises(ValueError, match="plain DQN learns the row that the agent was in"):
         dataclasses.replace(LEARNER, counterfactual=False)
-    assert dataclasses.replace(LEARNER, counterfactual=False, rows_per_transition=0).rows_drawn == 1
+    plain = dataclasses.replace(LEARNER, counterfactual=False, rows_per_transition=0)
+    assert plain.rows_drawn == 0
+    given = TaskParams((), turns(0))
+    every = dataclasses.replace(LEARNER, rows_per_transition=0)
+    for config, kind in ((LEARNER, Marked), (plain, Transition), (every, Transition)):
+        agent = make_dqn(TaskEnv(ENV, given.table), config, 20, iterations=2)
+        buffer = jax.eval_shape(agent.init, jax.random.key(0), given).buffer
+        assert type(buffer.experience) is kind  # what is stored has its fields by name, empty ones too
+
+
+FAMILY = Config(
+    env=SingleStateConfig(), task="Until_1_2_1_1", learner=LEARNER, pool=PoolConfig(size=4, rows=600), episode_length=20
+)
+
+
+def test_families_are_refused_for_plain_dqn_and_for_all_rows_of_large_tables():
+    env = make_env(FAMILY.env)
+
+    def check(finish, **changes):
+        pool = dataclasses.replace(FAMILY.pool, finish=finish)
+        make_pools(dataclasses.replace(FAMILY, learner=dataclasses.replace(LEARNER, **changes), pool=pool), env)
+
+    with pytest.raises(ValueError, match=r"plain DQN learns the row .* train families with learner\.counterfactual"):
+        check(finish=False, counterfactual=False, rows_per_transition=0)
+    check(finish=True)
+    check(finish=False, rows_per_transition=0)
+    with pytest.raises(ValueError, match=r"1,198 rows.*learner\.rows_per_transition=8"):
+        check(finish=True, rows_per_transition=0)
