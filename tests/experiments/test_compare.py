@@ -114,7 +114,7 @@ def test_water_worlds_maps_make_pairs(capsys):
 
 def test_solved_is_said_of_final_parameters_alone(tmp_path, capsys):
     """Success in training is another column; evaluations of other parameters or other tasks are not asked."""
-    for name in ("config.json", "metrics.csv", "status.json"):
+    for name in ("config.json", "metrics.csv.gz", "status.json"):
         (tmp_path / name).write_bytes((RESULTS / "paper" / "water-dfa" / name).read_bytes())
     entries = json.loads((RESULTS / "paper" / "water-dfa" / "evaluation.json").read_text())["evaluations"]
     best = next(entry for entry in entries if entry["settings"]["checkpoint"] == "best")
