@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from flax import linen as nn
 
 from t2tl_jax import checks
+from t2tl_jax.agents.learning_rows import marks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.registry import register_task_encoder
@@ -66,22 +66,17 @@ class NamesConfig(TaskEncoderConfig):
 
 
 class NamesTaskEncoder(nn.Module):
-    """The tokens of a row seed the generator that draws its code."""
+    """The mark of a row's formula seeds the generator that draws its code."""
 
     config: NamesConfig
 
     def __call__(self, table: TaskTable) -> jax.Array:
         """float32[rows, size]."""
 
-        def code(tokens: jax.Array, mask: jax.Array) -> jax.Array:
-            places = np.arange(1, len(tokens) + 1, dtype=np.uint32) * np.uint32(2654435761)
-            # Place counts as well as token. Two texts with the same products of both have the same code: 4, 3 and 6, 2,
-            # counted from 1. So rows are told apart in most tables, not in every one that could be.
-            number = jnp.where(mask, (tokens.astype(jnp.uint32) + 1) * places, 0)
-            number = (number ^ (number >> 15)) * jnp.uint32(2246822519)
-            return jax.random.rademacher(jax.random.key(number.sum()), (self.config.size,), jnp.float32)
+        def code(mark: jax.Array) -> jax.Array:
+            return jax.random.rademacher(jax.random.key(mark), (self.config.size,), jnp.float32)
 
-        return jax.vmap(code)(table.tokens, table.mask)
+        return jax.vmap(code)(marks(table))
 
 
 register_task_encoder("nothing", NothingConfig, NothingTaskEncoder)

@@ -2,14 +2,32 @@
 
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import tests.fake_learner  # noqa: F401
 from experiments import evaluate, run
+from t2tl_jax.runs import group_split
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """The disk is full when the second run of a group is to be written."""
+    write = group_split._write_metrics
+
+    def full(group: Any, run: Any, done: Any, part: Any, seeds: Any) -> None:
+        if part.start:
+            raise OSError("the disk is full")
+        write(group, run, done, part, seeds)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(group_split, "_write_metrics", full)
+        yield
 
 
 class StopAfter(Callback):

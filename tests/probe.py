@@ -1,10 +1,15 @@
 """A labelled environment that a correct learner solves in seconds: the label is the sign of the action."""
 
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from brax.envs.base import State
 
 from t2tl_jax.env import LabelledEnv
+from t2tl_jax.evaluation.episodes import play
 
 
 class ProbeEnv(LabelledEnv):
@@ -71,3 +76,17 @@ class DiscreteCueEnv(CueEnv):
 
     def step(self, state: State, action: jax.Array, params=None) -> State:
         return super().step(state, jnp.array([[0.0], [1.0], [-1.0]])[action])
+
+
+def success_by_memory(env: Any, agent: Any, episode_length: int) -> Callable[[Any, bool], jax.Array]:
+    """(parameters, whether the policy remembers) -> its success in 200 episodes, by one program."""
+
+    @jax.jit
+    def success(params: Any, remembers: bool) -> jax.Array:
+        def remember(params: Any, carry: Any, *step: jax.Array) -> Any:
+            return jax.tree.map(partial(jnp.where, remembers), agent.remember(params, carry, *step), carry)
+
+        given, player = env.make_params(0), agent._replace(remember=remember)
+        return play(env, player, params, given, jax.random.key(1), 200, episode_length, 0.9, True).success.mean()
+
+    return success

@@ -139,12 +139,18 @@ class Watch:
         self._thread.start()
 
     def end(self) -> None:
-        """All is done; the others are here, too."""
+        """All is done; the others are here, too.
+
+        All leave together. A process whose store of names is gone is aborted by JAX, and the first process has it.
+        """
+        import jax
+
         from t2tl_jax.training.hosts import meet
 
         meet()
         self._over.set()
         self._thread.join()
+        jax.distributed.shutdown()
 
     def fail(self, error: BaseException) -> None:
         """End this process, and all others, because of an error. Does not return."""

@@ -222,6 +222,12 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
     def embed_target(params: Params, table: TaskTable) -> jax.Array | tuple[()]:
         return () if apart(table) else embed(params, table)
 
+    def action_values(params: Params, embedding: jax.Array, carry: Carry, obs: jax.Array, row: jax.Array) -> jax.Array:
+        """Q of every action, [..., A], for rows [...]."""
+        obs, carry = jax.tree.map(lambda x: x.reshape(-1, *x.shape[row.ndim :]), (obs, carry))
+        q = apply(params, obs, embedding, row.reshape(-1), carry)
+        return q.reshape(*row.shape, num_actions)
+
     def choose(
         params: Params,
         embedding: jax.Array,
@@ -231,9 +237,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         key: jax.Array,
         share: jax.Array | float,
     ) -> jax.Array:
-        obs, carry = jax.tree.map(lambda x: x.reshape(-1, *x.shape[row.ndim :]), (obs, carry))
-        q = apply(params, obs, embedding, row.reshape(-1), carry)
-        greedy = q.argmax(axis=-1).astype(jnp.int32).reshape(row.shape)
+        greedy = action_values(params, embedding, carry, obs, row).argmax(axis=-1).astype(jnp.int32)
         which_key, action_key = jax.random.split(key)
         random = jax.random.randint(action_key, greedy.shape, 0, num_actions)
         return jnp.where(jax.random.uniform(which_key, greedy.shape) < share, random, greedy)
@@ -257,8 +261,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         return (action[:, 0] != action[:, 1]).astype(jnp.float32), value[:, 1] - value[:, 0]
 
     def value(params: Params, embedding: jax.Array, carry: Carry, obs: jax.Array, row: jax.Array) -> jax.Array:
-        obs, carry = jax.tree.map(lambda x: x.reshape(-1, *x.shape[row.ndim :]), (obs, carry))
-        return apply(params, obs, embedding, row.reshape(-1), carry).max(axis=-1).reshape(row.shape)
+        return action_values(params, embedding, carry, obs, row).max(axis=-1)
 
     def map_params(state: DQNState, function: Callable[[Params], Params]) -> DQNState:
         return replace(

@@ -11,14 +11,13 @@ import pytest
 from t2tl_jax.agents.dqn import DQNConfig, make_dqn
 from t2tl_jax.agents.replay import make_replay
 from t2tl_jax.agents.td_learning import dqn_loss, td_targets
-from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.agents.sizes import GRU, TRANSFORMER
-from tests.probe import DiscreteCueEnv
+from tests.probe import DiscreteCueEnv, success_by_memory
 
 pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
 
@@ -112,14 +111,7 @@ def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner
     for _ in range(30):
         state, _ = iterate(state)
 
-    @jax.jit
-    def success(params, remembers):
-        def remember(params, carry, *step):
-            return jax.tree.map(partial(jnp.where, remembers), agent.remember(params, carry, *step), carry)
-
-        given, player = env.make_params(0), agent._replace(remember=remember)
-        return play(env, player, params, given, jax.random.key(1), 200, EPISODE_LENGTH, 0.9, True).success.mean()
-
+    success = success_by_memory(env, agent, EPISODE_LENGTH)
     assert success(state.params, True) >= 0.98
     assert success(state.params, False) < 0.7
 

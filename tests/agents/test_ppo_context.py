@@ -1,7 +1,6 @@
 """PPO with context: the update sees the window that acted, memory is learnt and kept."""
 
 import dataclasses
-from functools import partial
 
 import chex
 import jax
@@ -11,7 +10,6 @@ import pytest
 
 from t2tl_jax.agents import ppo
 from t2tl_jax.agents.ppo import make_ppo
-from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
@@ -20,7 +18,7 @@ from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.advantages import generalised_advantages
 from tests.agents import sizes
-from tests.probe import CueEnv
+from tests.probe import CueEnv, success_by_memory
 
 pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
 
@@ -116,14 +114,7 @@ def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner
         state, metrics = iterate(state)
     assert metrics.episodes.successes >= 0.95 * metrics.episodes.episodes
 
-    @jax.jit
-    def success(params, remembers):
-        def remember(params, carry, *step):
-            return jax.tree.map(partial(jnp.where, remembers), agent.remember(params, carry, *step), carry)
-
-        given, player = env.make_params(0), agent._replace(remember=remember)
-        return play(env, player, params, given, jax.random.key(1), 200, EPISODE_LENGTH, 0.9, True).success.mean()
-
+    success = success_by_memory(env, agent, EPISODE_LENGTH)
     assert success(state.params, True) >= 0.98
     assert success(state.params, False) < 0.7
 

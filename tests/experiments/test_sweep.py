@@ -13,9 +13,9 @@ from experiments.cli.grid import Point
 from experiments.sweeps import work
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import group_split
 from t2tl_jax.runs.group import CONTENT, group_folder
 from t2tl_jax.runs.interrupts import NeverStop
+from tests.fake_runs import full_disk
 
 
 def points(config, *texts):
@@ -117,19 +117,11 @@ def test_a_sweep_leaves_ordinary_runs_a_table_and_a_picture(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_group_of_which_some_runs_are_there_goes_on(tmp_path, monkeypatch, capsys):
+def test_a_group_of_which_some_runs_are_there_goes_on(tmp_path, capsys):
     """Stopped while its runs were written, it is not trained again."""
-    grid, write = ("--grid", "learner.rate=1e-2,3e-2"), group_split._write_metrics
-
-    def full(group, run, done, part, seeds):
-        if part.start:
-            raise OSError("the disk is full")
-        write(group, run, done, part, seeds)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(group_split, "_write_metrics", full)
-        with pytest.raises(OSError, match="the disk is full"):
-            command(tmp_path, *grid)
+    grid = ("--grid", "learner.rate=1e-2,3e-2")
+    with full_disk(), pytest.raises(OSError, match="the disk is full"):
+        command(tmp_path, *grid)
     (left,) = tmp_path.glob("group-*")
     capsys.readouterr()
     assert command(tmp_path, *grid) == 0

@@ -10,11 +10,10 @@ import pytest
 import t2tl_jax
 from t2tl_jax import UserError
 from t2tl_jax.networks.task_encoders import OneHotConfig
-from t2tl_jax.runs import group_split
 from t2tl_jax.runs.config import RunConfig, SelectionConfig
 from t2tl_jax.runs.group import group_folder, make_group, same_program, train_group
 from tests.fake_learner import CONFIG, FakeConfig
-from tests.fake_runs import StopAfter
+from tests.fake_runs import StopAfter, full_disk
 from tests.probe import ProbeEnv
 from tests.training.test_numbers import DQN, PPO
 
@@ -95,20 +94,11 @@ def test_a_group_that_was_stopped_goes_on(trained, tmp_path):
         assert (folder / "metrics.csv").read_bytes() == (other / "metrics.csv").read_bytes()
 
 
-def test_a_splitting_that_was_stopped_goes_on(trained, tmp_path, monkeypatch):
+def test_a_splitting_that_was_stopped_goes_on(trained, tmp_path):
     runs = runs_in(tmp_path)
     first, second = runs
-    write = group_split._write_metrics
-
-    def full(group, run, done, part, seeds):
-        if part.start:
-            raise OSError("the disk is full")
-        write(group, run, done, part, seeds)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(group_split, "_write_metrics", full)
-        with pytest.raises(OSError, match="the disk is full"):
-            train_group(runs, tmp_path)
+    with full_disk(), pytest.raises(OSError, match="the disk is full"):
+        train_group(runs, tmp_path)
     assert first.is_dir() and not second.exists()
     assert train_group(runs, tmp_path) == "complete"
     assert {path.name for path in tmp_path.iterdir()} == {first.name, second.name}
