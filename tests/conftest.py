@@ -13,6 +13,7 @@ from pathlib import Path
 
 import jax
 import pytest
+from hypothesis import settings
 
 FOLDER = "JAX_COMPILATION_CACHE_DIR"  # inherited by the workers of pytest-xdist, and by the commands that tests start
 LITTLE_WORK = (
@@ -21,6 +22,11 @@ LITTLE_WORK = (
     "--xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters",
     "--xla_cpu_parallel_codegen_split_count=1",
 )
+
+
+# Everybody tests the same examples, however slow the machine is.
+settings.register_profile("repeatable", derandomize=True, database=None, deadline=None)
+settings.load_profile("repeatable")
 
 
 def pytest_configure(config: pytest.Config) -> None:

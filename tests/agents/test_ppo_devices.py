@@ -1,10 +1,8 @@
 """Seeds and their environments over several devices: what is shared out gives the same numbers."""
 
-import os
-import subprocess
-import sys
-
 import pytest
+
+from tests.four_devices import run_on_four_devices
 
 PROGRAM = """
 import dataclasses
@@ -45,8 +43,4 @@ jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b[1:], rtol=1e-4, atol=1
 
 @pytest.mark.slow
 def test_two_seeds_over_four_devices_give_the_numbers_of_one_on_one():
-    flags = f"{os.environ['XLA_FLAGS']} --xla_force_host_platform_device_count=4"
-    answer = subprocess.run(
-        [sys.executable, "-c", PROGRAM], env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True
-    )
-    assert answer.returncode == 0, answer.stderr
+    run_on_four_devices(PROGRAM)

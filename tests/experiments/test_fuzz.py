@@ -33,9 +33,7 @@ SOON = 30.0
 
 def examples(count):
     kept = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large]
-    return settings(
-        max_examples=round(count * FACTOR), deadline=None, derandomize=True, database=None, suppress_health_check=kept
-    )
+    return settings(max_examples=round(count * FACTOR), suppress_health_check=kept)
 
 
 def said(command, *texts):

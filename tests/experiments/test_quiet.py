@@ -69,8 +69,7 @@ print(jax.jit(lambda x: (x @ x.T).sum())(jax.numpy.ones((8, 8))))
 def test_a_program_from_the_cache_is_loaded_in_silence(tmp_path):
     environment = {name: value for name, value in os.environ.items() if name != "TF_CPP_MIN_LOG_LEVEL"}
     for _ in range(2):
-        done = subprocess.run(
-            [sys.executable, "-c", FROM_CACHE, str(tmp_path)], capture_output=True, text=True, env=environment
-        )
+        command = [sys.executable, "-c", FROM_CACHE, str(tmp_path)]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
         assert done.stdout == "512.0\n" and done.stderr == ""
     assert any(tmp_path.iterdir())

@@ -184,9 +184,8 @@ def test_help_shows_own_fields(capsys):
 def test_another_process_knows_them_by_import():
     command = [sys.executable, "-m", "experiments.run", "--import", "somebody", "--list"]
     paths = os.pathsep.join([str(ROOT), str(HERE)])
-    done = subprocess.run(
-        command, cwd=ROOT, env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True, check=True
-    )
+    environment = os.environ | {"PYTHONPATH": paths}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True, timeout=120)
     kinds = {line.partition(": ")[0]: line.partition(": ")[2].split(", ") for line in done.stdout.splitlines()}
     assert "lamps" in kinds["environments"] and "zones" in kinds["environments"]
     assert "reinforce" in kinds["learners"] and "bag" in kinds["task encoders"]

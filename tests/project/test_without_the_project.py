@@ -69,7 +69,7 @@ def test_pretraining_needs_the_library_alone(another_project, tmp_path):
     path = os.pathsep.join([str(another_project), str(ROOT)])
     command = [sys.executable, "-c", PROGRAM, str(tmp_path / "run")]
     environment = {**os.environ, "PYTHONPATH": path}
-    done = subprocess.run(command, capture_output=True, text=True, cwd=another_project, env=environment, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=another_project, env=environment, timeout=300)
     assert done.returncode == 0, done.stderr
     assert "unknown config 'zone_ppo'" in done.stdout and "No module named 'experiments.configs'" in done.stdout
 

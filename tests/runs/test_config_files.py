@@ -33,7 +33,7 @@ def test_configs_survive_json(name):
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(0, 1), st.integers(1, 10**9), st.text())
 def test_any_values_survive_json(share, frames, task):
     config = dataclasses.replace(ZONE, random_starts=share, frames=frames, task=task)

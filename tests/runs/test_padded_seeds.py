@@ -1,10 +1,6 @@
 """Five seeds on four devices, which train eight: nothing of the three others is left behind."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +9,7 @@ import tests.fake_learner  # noqa: F401
 from t2tl_jax import load, resume, train
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs.config import SelectionConfig
+from tests.four_devices import run_on_four_devices
 from tests.runs.test_stored_runs import restored
 
 CONFIG = replace(
@@ -40,15 +37,7 @@ assert all(leaf.shape[0] == 5 for leaf in jax.tree.leaves((whole.params["final"]
 
 @pytest.mark.slow
 def test_filling_up_leaves_no_trace(tmp_path):
-    flags = f"{os.environ['XLA_FLAGS']} --xla_force_host_platform_device_count=4"
-    answer = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(tmp_path)],
-        cwd=Path(__file__).parents[2],
-        env={**os.environ, "XLA_FLAGS": flags},
-        capture_output=True,
-        text=True,
-    )
-    assert answer.returncode == 0, answer.stderr
+    run_on_four_devices(PROGRAM, str(tmp_path))
     spread, stopped = tmp_path / "whole", tmp_path / "stopped"
     for name in ("metrics.csv", "checkpoints/4/info/metadata"):
         assert (spread / name).read_bytes() == (stopped / name).read_bytes()

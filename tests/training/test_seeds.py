@@ -1,13 +1,10 @@
-import os
-import subprocess
-import sys
-
 import jax
 import numpy as np
 import pytest
 
 from t2tl_jax.training.devices import lanes, padded, seed_sharding
 from t2tl_jax.training.seeds import parse_seeds, stream_keys
+from tests.four_devices import run_on_four_devices
 
 
 def test_counts_and_lists():
@@ -76,8 +73,4 @@ assert len(jax.devices()) == 4 and len(seed_sharding(6).device_set) == 3
 together = weights((0, 1, 2, 3), devices=4)
 np.testing.assert_allclose(together[2:3], weights((2,), devices=1), rtol=1e-5)
 """
-    flags = f"{os.environ['XLA_FLAGS']} --xla_force_host_platform_device_count=4"
-    answer = subprocess.run(
-        [sys.executable, "-c", program], env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True
-    )
-    assert answer.returncode == 0, answer.stderr
+    run_on_four_devices(program)
