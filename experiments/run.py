@@ -11,7 +11,6 @@ from typing import Any
 from experiments.cli import hosts
 from experiments.cli.errors import guarded
 from t2tl_jax.errors import UserError
-from t2tl_jax.flags import HELP
 from t2tl_jax.quiet import quiet_imports
 
 STARTED = time.monotonic()
@@ -34,21 +33,22 @@ def command(arguments: list[str], prefix: str = "", module: str = "experiments.r
         UserError: for input that cannot be used.
     """
     rest, given = hosts.read(arguments)
-    # What only tells about the command needs no other host.
-    with hosts.joined(None if {*HELP, "--list"} & set(rest) else given):
-        return _command(rest, arguments, prefix, module)
-
-
-def _command(rest: list[str], arguments: list[str], prefix: str, module: str) -> int:
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
-        from experiments.cli import compilation_cache, cpu_devices, request
+        from experiments.cli import request
 
     asked = request.read(rest, prefix)
     if asked.show_list:
         print(request.list_configs(prefix))
         return 0
     config, name = request.configuration(asked, prefix, f"python -m {module}")
+    with hosts.joined(given):  # not before, since --help and mistakes need no other host
+        return _run(config, name, asked, ["python", "-m", module, *arguments])
+
+
+def _run(config: Any, name: str, asked: Any, words: list[str]) -> int:
+    from experiments.cli import compilation_cache, cpu_devices
+
     compilation_cache.use(config.run.compilation_cache)
     cpu_devices.use()
     # Only now: plots, statistics and checkpoints take seconds to load too, which --help and mistakes need not wait for.
@@ -59,7 +59,7 @@ def _command(rest: list[str], arguments: list[str], prefix: str, module: str) ->
     path = asked.resume or Path(processes.of_first(str(folder.new_path(Path(config.run.folder), name))))
     with StopRequest() as stop:
         try:
-            _train(config, path, asked, stop, ["python", "-m", module, *arguments])
+            _train(config, path, asked, stop, words)
         except Interrupted as when:
             kept = (path / "config.json").is_file()
             print(f"stopped {when}; {f'continue with --resume {path}' if kept else 'nothing had been written'}")

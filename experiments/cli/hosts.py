@@ -102,9 +102,6 @@ def joined(hosts: Hosts | None) -> Iterator[None]:
                 stack.enter_context(contextlib.redirect_stdout(nowhere))
             yield
     except BaseException as error:
-        if isinstance(error, SystemExit) and not error.code:  # an end in good order, as by the parser of the flags
-            watch.end()
-            raise
         watch.fail(error)
     watch.end()
 

@@ -104,25 +104,23 @@ def test_an_error_is_told_to_the_others(left, monkeypatch, capsys):
     assert store == {"t2tl_jax/gone/0": "no such folder"} and "error: no such folder" in capsys.readouterr().err
 
 
-def test_an_end_in_good_order_is_no_error(left, monkeypatch):
-    done = []
-    monkeypatch.setattr(hosts, "_join", lambda given: None)
-    monkeypatch.setattr(hosts.threading.Thread, "start", lambda thread: None)
-    monkeypatch.setattr(hosts.Watch, "end", lambda watch: done.append("end"))
-    monkeypatch.setattr("t2tl_jax.training.hosts.store", Store)
-    for code, expected in ((0, SystemExit), (None, SystemExit), (3, Left)):
-        done.clear()
-        with pytest.raises(expected), hosts.joined(hosts.Hosts("node1:1234", 2, 0)):
-            raise SystemExit(code)
-        assert done == ([] if code else ["end"])
-
-
-@pytest.mark.parametrize("words", [["--help"], ["--list"], ["--config", "fake", "-h"]])
-def test_help_waits_for_no_host(words, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--help"], "zone_ppo"),
+        (["--list"], "zone_ppo"),
+        (["--config", "fake", "-h"], "zone_ppo"),
+        (["--config", "fakes"], "did you mean 'fake'"),
+        (["--config", "fake", "--frames", "many"], "--frames"),
+        (["--config", "fake", "--frames", "-1"], "frames"),
+        (["--resume", "nowhere"], "nowhere"),
+    ],
+)
+def test_help_and_mistakes_wait_for_no_host(words, said, monkeypatch, capsys):
     monkeypatch.setattr(hosts, "_join", lambda given: pytest.fail("the hosts were joined"))
     with contextlib.suppress(SystemExit):
         run.main([*words, "--hosts", "node1:1234,2,0"])
-    assert "zone_ppo" in capsys.readouterr().out
+    assert said in "".join(capsys.readouterr())
 
 
 def test_an_error_of_the_runtime_may_be_of_any_kind():
