@@ -166,7 +166,7 @@ def test_the_work_of_a_killed_job_is_done_by_the_next_command(tmp_path, monkeypa
 
 
 STAND_INS = {
-    # As SLURM does, it reads the script before it answers: submitit then moves that file, and there is none for a moment.
+    # As SLURM does, it reads the script before it answers: submitit then moves that file, and there is none meanwhile.
     "sbatch": """cp "$1" "$SCRIPTS/$$"
 SLURM_JOB_ID=$$ SLURM_NTASKS=1 SLURM_JOB_NUM_NODES=1 SLURM_NODEID=0 SLURM_PROCID=0 SLURM_LOCALID=0 \\
     nohup bash "$SCRIPTS/$$" >/dev/null 2>&1 &
