@@ -6,9 +6,11 @@ itself; other modules are imported by the program that uses them, which on the c
 """
 
 import importlib.util
+import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, is_dataclass
+from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
@@ -276,7 +278,7 @@ def load_own() -> None:
 def load_plugins() -> None:
     """Import what the library registers and, once, what packages declare as plugins; warn of one that is not there."""
     load_own()
-    for plugin in entry_points(group=PLUGINS):
+    for plugin in _plugins(tuple(sys.path)):
         if plugin.value in _loaded:
             continue
         _loaded.add(plugin.value)
@@ -286,6 +288,13 @@ def load_plugins() -> None:
         except Exception as error:  # whatever a foreign module raises; the rest goes on without it
             _missing[plugin.value] = _why_missing(plugin, error)
             warnings.warn(_missing[plugin.value], stacklevel=2)
+
+
+@cache
+def _plugins(path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """What packages on this path declare, read once: there may be hundreds of packages."""
+    del path  # `sys.path`, where `entry_points` looks
+    return tuple(entry_points(group=PLUGINS))
 
 
 def _why_missing(plugin: EntryPoint, error: Exception) -> str:
@@ -307,7 +316,7 @@ def _why_missing(plugin: EntryPoint, error: Exception) -> str:
 def _not_registered(thing: str, name: str, known: Iterable[str]) -> NotRegistered:
     """The error for an unknown name, with what may be the reason."""
     reasons = list(_missing.values())
-    if not entry_points(group=PLUGINS):
+    if not _plugins(tuple(sys.path)):
         reasons = [
             "no plugin is installed, and named environments and configurations come from plugins: install this project "
             "with pip, or import experiments.configs"

@@ -18,7 +18,7 @@ from t2tl_jax.evaluation.statistics import Estimate, rate
 from t2tl_jax.runs import config_files, params_file, train
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
-from t2tl_jax.runs.metrics_file import area, ending, history, read_columns, write_compressed
+from t2tl_jax.runs.metrics_file import area, as_curves, ending, read_columns, write_compressed
 from t2tl_jax.runs.result import Result
 
 LAST = 0.05
@@ -72,7 +72,13 @@ class Stored:
     @cached_property
     def metrics(self) -> dict[str, np.ndarray]:
         """By name, float[seeds, iterations]."""
-        return dict(history(RunFolder(self.path).metrics))
+        return as_curves(self.columns)[1]
+
+    @cached_property
+    def evaluations(self) -> list[dict[str, Any]]:
+        """Its stored evaluations."""
+        file = RunFolder(self.path).evaluation
+        return read_json(file).get("evaluations", []) if file.is_file() else []
 
     @cached_property
     def status(self) -> dict[str, Any]:
@@ -130,8 +136,7 @@ class Stored:
 
     def played(self, which: str = "final", policy: str = "sampled", limit: int | None = None) -> dict[str, Any] | None:
         """A stored evaluation, within the run's own time limit by default; None where there is none."""
-        file = RunFolder(self.path).evaluation
-        for entry in read_json(file).get("evaluations", []) if file.is_file() else []:
+        for entry in self.evaluations:
             what = entry["settings"]
             if what["checkpoint"] == which and what["episode_length"] == (limit or self.config.episode_length):
                 return entry["policies"][policy]

@@ -5,7 +5,7 @@ Which dataclass an environment, a learner or a task encoder is, says its field `
 
 import json
 import operator
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,9 @@ REGISTRIES: dict[type, Registry] = {
 """Where the kinds of a base class are registered."""
 
 
+@cache
 def _converter() -> cattrs.Converter:
+    """One for all configurations: what it does for a class it writes when it meets that first, which takes longer."""
     converter = cattrs.Converter(forbid_extra_keys=True)
     # cattrs would turn the text "false" into True and 0.5 into 0.
     for kind in (bool, int, str):

@@ -22,18 +22,19 @@ def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
         if prefix == "" and field.name == "run":
             continue
         a, b, name = getattr(base, field.name), getattr(other, field.name), prefix + field.name
+        if a == b:
+            continue
         if isinstance(b, TaskFamily):
-            if a != b:
-                yield f"{name}={b}"
+            yield f"{name}={b}"
         elif dataclasses.is_dataclass(b) and not isinstance(b, type):
             if type(a) is not type(b):
                 yield f"{name}={type(b).__name__}"
                 a = type(b)()
             yield from differences(a, b, name + ".")
         elif name == "map_period":
-            if a != b and _renewable(other.env):
+            if _renewable(other.env):
                 yield f"{name}={b}"
-        elif a != b and not (name == "task" and same_task(a, b)):
+        elif not (name == "task" and same_task(a, b)):
             yield f"{name}={b}"
 
 

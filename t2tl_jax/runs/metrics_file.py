@@ -229,6 +229,12 @@ def by_seed(columns: Mapping[str, np.ndarray], name: str) -> tuple[np.ndarray, n
     return order, frames, curves[name]
 
 
+def as_curves(columns: Mapping[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """All columns as curves: ``(seeds int[S], {name: float[S, points]})``, NaN where absent."""
+    found, _, curves = _curves(columns, [name for name in columns if name not in ("iteration", "seed")])
+    return found, curves
+
+
 def _curves(
     columns: Mapping[str, np.ndarray], names: Iterable[str]
 ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
@@ -278,8 +284,7 @@ def history(path: Path, seeds: Sequence[int] | None = None) -> dict[str, np.ndar
     Raises:
         MetricsFileError: as `read_columns`, and if a seed has no rows.
     """
-    columns = read_columns(path)
-    found, _, curves = _curves(columns, [name for name in columns if name not in ("iteration", "seed")])
+    found, curves = as_curves(read_columns(path))
     if seeds is None:
         return curves
     order = found.tolist()

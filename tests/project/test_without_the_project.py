@@ -87,6 +87,6 @@ def test_a_plugin_that_another_folder_hides_is_named_with_the_way_out(another_pr
 
 
 def test_without_any_plugin_the_way_to_the_names_is_told(fresh_registry, monkeypatch):
-    monkeypatch.setattr(registry, "entry_points", lambda group: ())
+    monkeypatch.setattr(registry, "_plugins", lambda path: ())
     with pytest.raises(NotRegistered, match=r"none is registered\nno plugin is installed.*import experiments\.configs"):
         registry.named_config("zone_ppo")
