@@ -40,7 +40,7 @@ from t2tl_jax.ltl.formula import FALSE, TRUE, Formula, eventually, from_tuple, n
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.progression import progress
 from t2tl_jax.ltl.reward_machine import RewardMachine, Transition, parse_machine
-from t2tl_jax.ltl.split import Share, row_languages, share, tasks_of
+from t2tl_jax.ltl.split import Share, languages_of_each, row_languages, share, tasks_of
 from t2tl_jax.ltl.tasks import (
     NAMED_TASKS,
     PAPER_TASKS,
@@ -102,6 +102,7 @@ __all__ = [
     "eventually",
     "from_tuple",
     "is_family",
+    "languages_of_each",
     "make_sampler",
     "name_family",
     "named_families",

@@ -20,6 +20,8 @@ _PART = 8
 def of_rows(steps: Steps, verdict: np.ndarray, rows: Iterable[int]) -> list[Language]:
     """The language of each of `rows`, as `languages`, however many letters there are.
 
+    Where there are `whole_letters`, it is an array int32 `[states, 1 + letters]` of verdicts and following states.
+
     Args:
         steps: where letters lead, over all propositions of the environment.
         verdict: int8 `[rows]`, +1 true, -1 false, 0 open.
@@ -28,12 +30,17 @@ def of_rows(steps: Steps, verdict: np.ndarray, rows: Iterable[int]) -> list[Lang
     return languages(*_in_parts(steps, verdict), rows)
 
 
+def whole_letters(steps: Steps) -> bool:
+    """Whether the languages of rows are told letter by letter, and not by parts of letters."""
+    return steps.alphabet == AT_MOST_ONE or steps.propositions <= _PART
+
+
 def _in_parts(steps: Steps, verdict: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """An automaton that reads letters in parts, one after another; each part in states with a verdict of their own.
 
     Two rows have the same language exactly if they have it in this automaton: a letter is a word of its parts.
     """
-    if steps.alphabet == AT_MOST_ONE or steps.propositions <= _PART:
+    if whole_letters(steps):
         return steps.dense(), verdict
     parts = -(-steps.propositions // _PART)
     arrays = written(steps, [steps.propositions * part // parts for part in reversed(range(parts + 1))])

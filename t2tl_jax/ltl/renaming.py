@@ -5,11 +5,13 @@ change places that play the same part as far as one can see by counting, and non
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from itertools import groupby, product
 from math import factorial, prod
 
 import numpy as np
 
+from t2tl_jax.ltl import languages
 from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
 from t2tl_jax.ltl.compiler.steps import Steps
 from t2tl_jax.ltl.errors import TooLargeError
@@ -33,6 +35,10 @@ def of_rows(steps: Steps, verdict: np.ndarray, rows: Iterable[int]) -> list[Lang
     Raises:
         TooLargeError: for a row that reads too many propositions, or in which too many play the same part.
     """
+    if languages.whole_letters(steps):
+        letters = steps.dense().shape[1]
+        exact = languages.of_rows(steps, verdict, rows)
+        return [_of_language(language, letters, steps.alphabet, MAX_ORDERS) for language in exact]
     found = []
     for row in rows:
         part = [row]
@@ -48,6 +54,13 @@ def of_rows(steps: Steps, verdict: np.ndarray, rows: Iterable[int]) -> list[Lang
         number[part] = np.arange(len(part))
         found += classes(number[steps.among(read).dense(part)], verdict[part], [0], steps.alphabet)
     return found
+
+
+@lru_cache(maxsize=2**15)  # the same rows come again and again, in tasks of one family
+def _of_language(language: Language, letters: int, alphabet: str, most: int) -> Language:
+    """Of a row, from its language by whole letters; `most` as `MAX_ORDERS`."""
+    ends, *following = np.frombuffer(language, "<i4").reshape(-1, 1 + letters).T
+    return _renamed(np.array(following).T, ends, alphabet, most)
 
 
 def classes(next_row: np.ndarray, verdict: np.ndarray, rows: Iterable[int], alphabet: str) -> list[Language]:
@@ -69,7 +82,7 @@ def classes(next_row: np.ndarray, verdict: np.ndarray, rows: Iterable[int], alph
     for row in rows:
         start = int(state[row])
         if start not in known:
-            known[start] = _renamed(*_part(following, ends, start), alphabet)
+            known[start] = _renamed(*_part(following, ends, start), alphabet, MAX_ORDERS)
     return [known[int(state[row])] for row in rows]
 
 
@@ -83,7 +96,7 @@ def _part(following: np.ndarray, ends: np.ndarray, start: int) -> tuple[np.ndarr
     return number[following[order]], ends[order]
 
 
-def _renamed(following: np.ndarray, ends: np.ndarray, alphabet: str) -> Language:
+def _renamed(following: np.ndarray, ends: np.ndarray, alphabet: str, most: int) -> Language:
     count = following.shape[1] - 1 if alphabet == AT_MOST_ONE else (following.shape[1] - 1).bit_length()
     used = [p for p in range(count) if _matters(following, p, alphabet)]
     following = following[:, _columns(used, alphabet)]
@@ -92,9 +105,9 @@ def _renamed(following: np.ndarray, ends: np.ndarray, alphabet: str) -> Language
     tried = prod(
         factorial(sum(map(len, groups))) // prod(factorial(len(group)) for group in groups) for groups in alike
     )
-    if tried > MAX_ORDERS:
+    if tried > most:
         raise TooLargeError(
-            f"{tried:,} orders of {len(used)} propositions would have to be compared; the limit is {MAX_ORDERS:,} "
+            f"{tried:,} orders of {len(used)} propositions would have to be compared; the limit is {most:,} "
             "(renaming.MAX_ORDERS): compare these tasks without renaming"
         )
     orders = product(*map(_arrangements, alike))
@@ -118,15 +131,17 @@ def _matters(following: np.ndarray, p: int, alphabet: str) -> bool:
 
 def _parts(following: np.ndarray, ends: np.ndarray, count: int, alphabet: str) -> list[list[int]]:
     """The propositions in groups that counting does not tell apart, in an order that no renaming changes."""
-    colour = np.zeros(len(following), int)
-    colour[0] = 1  # the start
-    signature = np.column_stack([ends, colour])
+    after = following.tolist()
+    signature = [(end, int(not state)) for state, end in enumerate(ends.tolist())]  # the start is told apart
     kinds = 0
-    while kinds < (kinds := len(np.unique(signature, axis=0))):
-        colour = np.unique(signature, axis=0, return_inverse=True)[1].reshape(-1)
-        signature = np.column_stack([colour, np.sort(colour[following], axis=1), colour[following[:, 0]]])
+    while kinds < (kinds := len(set(signature))):
+        rank = {one: number for number, one in enumerate(sorted(set(signature)))}
+        colour = [rank[one] for one in signature]
+        signature = [
+            (colour[state], *sorted(colour[to] for to in row), colour[row[0]]) for state, row in enumerate(after)
+        ]
     alone = [1 + p if alphabet == AT_MOST_ONE else 1 << p for p in range(count)]
-    seen = {p: sorted(zip(colour.tolist(), colour[following[:, alone[p]]].tolist(), strict=True)) for p in range(count)}
+    seen = {p: sorted((colour[state], colour[row[alone[p]]]) for state, row in enumerate(after)) for p in range(count)}
     return [list(part) for _, part in groupby(sorted(seen, key=lambda p: seen[p]), key=lambda p: seen[p])]
 
 

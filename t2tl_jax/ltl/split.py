@@ -4,8 +4,9 @@ A formula that was never drawn may still be one that training met, as what is le
 unseen only if none of its open rows is a row of training.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import islice
 from random import Random
 
@@ -66,17 +67,39 @@ def row_languages(
         LTLError: as the formulas deserve.
     """
     found: dict[Language, Language] = {}
+    for rows in languages_of_each(formulas, propositions, alphabet, renamed=renamed):
+        found.update(rows)
+    return list(found.values())
+
+
+def languages_of_each(
+    formulas: Iterable[str | Formula],
+    propositions: Sequence[str],
+    alphabet: str = AT_MOST_ONE,
+    *,
+    renamed: bool = True,
+) -> Iterator[dict[Language, Language]]:
+    """For each formula in turn the languages of its open rows, and what each of them is up to renaming.
+
+    Args and errors as `row_languages`; without `renamed` a language stands for itself.
+    """
+    known: dict[Language, Language] = {}
     names, formulas = tuple(propositions), iter(formulas)
     while some := list(islice(formulas, _AT_ONCE)):
         automaton = build(some, names, alphabet, limits=Limits(max_rows=_ROWS_AT_ONCE))
         exact = languages.of_rows(automaton.every_letter(), automaton.verdict, range(2, len(automaton.verdict)))
-        new = {language: row for row, language in enumerate(exact, 2) if language not in found}
-        if renamed:
-            codes = renaming.of_rows(automaton.steps, automaton.verdict, new.values())
-            found.update(zip(new, codes, strict=True))
-        else:
-            found.update(zip(new, new, strict=True))
-    return list(found.values())
+        new = {language: row for row, language in enumerate(exact, 2) if language not in known}
+        codes = renaming.of_rows(automaton.steps, automaton.verdict, new.values()) if renamed else new
+        known.update(zip(new, codes, strict=True))
+        outcomes = cache(automaton.steps.outcomes_of)
+        for start in automaton.initial_row.tolist():
+            part = {start: None}
+            waiting = [start]
+            while waiting:
+                fresh = [row for row in outcomes(waiting.pop()) if row not in part]
+                part.update(dict.fromkeys(fresh))
+                waiting += fresh
+            yield {exact[row - 2]: known[exact[row - 2]] for row in part if row >= 2}
 
 
 def tasks_of(family: str | TaskFamily, propositions: Sequence[str], draws: int = DRAWS) -> list[Formula]:

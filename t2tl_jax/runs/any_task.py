@@ -12,13 +12,14 @@ from t2tl_jax.ltl import (
     Share,
     TaskTable,
     is_family,
+    languages_of_each,
     resolve,
     resolve_tasks,
-    row_languages,
     share,
     tasks_of,
 )
 from t2tl_jax.ltl.compiler.automaton import build
+from t2tl_jax.ltl.languages import Language
 from t2tl_jax.ltl.padding import NODES_PER_ROW, needed_nodes, padded
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
@@ -116,31 +117,30 @@ def met_in_training(config: Config, env: LabelledEnv, tasks: Sequence[str]) -> d
         whose rows are not compared.
     """
     names, alphabet = env.propositions, env.alphabet
-    trained = _trained_on(config, env)
+    trained = _trained_on(config, names)
     if trained is None:
         return None
-    known = [frozenset(row_languages(trained, names, alphabet, renamed=renamed)) for renamed in (False, True)]
+    exactly, renamed, held_out = set[Language](), set[Language](), kept_out(config, env)
+    for rows in languages_of_each(trained, names, alphabet):
+        if held_out.isdisjoint(rows.values()):
+            exactly |= rows.keys()
+            renamed |= set(rows.values())
     shares = {}
     for name, formula in resolve_tasks(tasks).items():
-        asked = [row_languages([formula], names, alphabet, renamed=renamed) for renamed in (False, True)]
-        shares[name] = Met(*(share(rows, met) for rows, met in zip(asked, known, strict=True)))
+        (rows,) = languages_of_each([formula], names, alphabet)
+        shares[name] = Met(share(list(rows), exactly), share(list(rows.values()), renamed))
     return shares
 
 
-def _trained_on(config: Config, env: LabelledEnv) -> list[Formula] | None:
-    """The formulas that a training draws from; None where it has none that can be compared."""
+def _trained_on(config: Config, names: Sequence[str]) -> list[Formula] | None:
+    """The formulas that a training draws from, and those it leaves out; None where it has none that can be compared."""
     if config.progression != "exact":
         return None
-    names = env.propositions
     if not is_family(config.task, names):
         task = resolve(str(config.task))
         return [task] if isinstance(task, Formula) else None
     stages = [stage.family for stage in config.task.stages] if isinstance(config.task, Curriculum) else [config.task]
-    drawn = list(dict.fromkeys(task for family in stages for task in tasks_of(family, names)))
-    held_out = kept_out(config, env)
-    if not held_out:
-        return drawn
-    return [formula for formula in drawn if held_out.isdisjoint(row_languages([formula], names, env.alphabet))]
+    return list(dict.fromkeys(task for family in stages for task in tasks_of(family, names)))
 
 
 def _room(least: int, needed: int) -> int:

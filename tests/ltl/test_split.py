@@ -12,6 +12,8 @@ from t2tl_jax.ltl import (
     Share,
     TooLargeError,
     compile_tasks,
+    languages,
+    languages_of_each,
     renaming,
     resolve_tasks,
     row_languages,
@@ -60,6 +62,19 @@ def test_renaming_counts_where_training_has_some_names_only():
     assert share_of(rows, frozenset(trained)) == Share(0, 3) and share_of(rows, frozenset(trained)).unseen
     rows = row_languages(["F Blue & F Green"], COLOURS)
     assert share_of(rows, frozenset(row_languages(["F Magenta & F Yellow"], COLOURS))) == Share(3, 3)
+
+
+@pytest.mark.parametrize("alphabet", ["at_most_one", "every_subset"])
+def test_formulas_that_are_compiled_together_have_the_rows_that_each_has_alone(alphabet):
+    texts = ["F(a & F b)", "!a U b", "F b", "F(c & X F d) | F a", "F d & F c & F a"]
+    together = list(languages_of_each(texts, tuple("abcd"), alphabet))
+    for text, rows in zip(texts, together, strict=True):
+        alone = compile_tasks(text, tuple("abcd"), alphabet).automaton()
+        open_rows = np.flatnonzero(alone.verdict == 0)
+        exact = languages.of_rows(alone.every_letter(), alone.verdict, open_rows)
+        classes = renaming.classes(alone.next_row, alone.verdict, open_rows, alphabet)
+        assert rows == dict(zip(exact, classes, strict=True))
+        assert set(row_languages([text], tuple("abcd"), alphabet, renamed=False)) == set(rows)
 
 
 def class_of(text, names, alphabet):
