@@ -17,7 +17,7 @@ from t2tl_jax.env import EnvConfig, LabelledEnv, State
 from t2tl_jax.registry import register_agent, register_config, register_env
 from t2tl_jax.runs.config import Config, RunConfig, SelectionConfig
 from t2tl_jax.single_state import SingleStateConfig
-from tests.fake_agent import FakeConfig, make_agent
+from tests.fake_agent import FakeConfig, make_agent, uniform
 
 SUCCESS, VIOLATION = 0.6, 0.3  # of an episode's first step, if the action is 1
 
@@ -42,7 +42,7 @@ class FakeEnv(LabelledEnv):
 
     def step(self, state: State, action: jax.Array, params=None) -> State:
         key, _ = state.pipeline_state
-        chance = jax.random.uniform(key)
+        chance = uniform(key)
         label = jnp.where(chance < SUCCESS, 2, jnp.where(chance < SUCCESS + VIOLATION, 0, -1))
         label = jnp.where(action > 0.5, label, -1).astype(jnp.int32)
         return state.replace(pipeline_state=(key, label), obs=state.obs + 1)
