@@ -1,4 +1,8 @@
-"""Double DQN on tasks that change: a run that is interrupted goes on bit for bit, its replay with it."""
+"""Double DQN on tasks that change: a run that is interrupted goes on bit for bit, its replay with it.
+
+How a run goes on whose episodes finish with the tasks that they began with does not depend on the learner: see
+`test_lessons.py`.
+"""
 
 import dataclasses
 
@@ -13,17 +17,15 @@ from tests.fake_runs import StopAfter
 
 CONFIG = Config(
     env=t2tl_jax.EnvConfig(), task="Until_1_2_1_1", learner=dataclasses.replace(LEARNER, unroll_length=5),
-    pool=PoolConfig(size=4, rows=24, length=14, period=2, finish=True), random_starts=0.3, frames=240,
+    pool=PoolConfig(size=4, rows=24, length=14, period=2), random_starts=0.3, frames=240,
     episode_length=10, selection=SelectionConfig(points=0), run=RunConfig(evaluation_episodes=0, gif=False),
 )  # fmt: skip
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("finish", [True, False])
-def test_a_resumed_run_over_pools_is_the_uninterrupted_one(tmp_path, finish):
+def test_a_resumed_run_over_pools_is_the_uninterrupted_one(tmp_path):
     """Six iterations in three pools; it is stopped in the middle of the second one."""
-    chosen = dataclasses.replace(CONFIG, pool=dataclasses.replace(CONFIG.pool, finish=finish))
-    named = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(Config) if field.name != "env"}
+    named = {field.name: getattr(CONFIG, field.name) for field in dataclasses.fields(Config) if field.name != "env"}
     whole = t2tl_jax.train(ENV, folder=tmp_path / "whole", **named)
     part = t2tl_jax.train(ENV, folder=tmp_path / "part", callbacks=[StopAfter(3)], **named)
     assert part.iteration == 3 and part.ended == "enough"

@@ -22,8 +22,10 @@ from t2tl_jax import (
 )
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.runs.config import SelectionConfig
+from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
-from tests.fake_learner import FakeConfig
+from t2tl_jax.runs.result import Result
+from tests.fake_agent import FakeConfig, FakeNetwork
 from tests.probe import ProbeEnv
 
 pytestmark = pytest.mark.slow  # nearly every test compiles a training or an evaluation
@@ -143,12 +145,11 @@ def test_a_task_that_the_network_cannot_read_is_refused(run):
 @pytest.mark.slow
 def test_evaluation_of_result_and_folder_agree(run):
     result, _ = run
-    for task in (None, "F Down"):
-        reports = result.evaluate(task=task, episodes=6)
-        again = t2tl_jax.evaluate(t2tl_jax.load(result.folder, env=ProbeEnv()), task=task, episodes=6)
-        assert reports == again and set(reports) == {"deterministic", "sampled"}
-        assert [one.seed for one in reports["sampled"].seeds] == [3, 8]
-        assert reports["sampled"].seeds[0].success_rate.count == 6
+    reports = result.evaluate(task="F Down", episodes=6)
+    again = t2tl_jax.evaluate(t2tl_jax.load(result.folder, env=ProbeEnv()), task="F Down", episodes=6)
+    assert reports == again and set(reports) == {"deterministic", "sampled"}
+    assert [one.seed for one in reports["sampled"].seeds] == [3, 8]
+    assert reports["sampled"].seeds[0].success_rate.count == 6
 
 
 @pytest.mark.slow
@@ -284,13 +285,13 @@ def test_every_callback_that_was_planned_is_ended_whatever_others_raise():
 
     first, second = Diary(), Diary()
     with pytest.raises(RuntimeError, match="the other cannot be closed") as raised:
-        run_it(callbacks=[Broken("one"), first, Broken("the other"), second])
+        run_fake([Broken("one"), first, Broken("the other"), second])
     assert "one cannot be closed" in str(raised.value.__context__)  # nothing that was raised is lost
     assert [[entry[0] for entry in diary.entries] for diary in (first, second)] == [["plan", "end"]] * 2
 
     early, late = Diary(), Diary()
     with pytest.raises(RuntimeError, match="it cannot be closed") as raised:
-        run_it(callbacks=[early, Broken("it", of_plan=True), late])
+        run_fake([early, Broken("it", of_plan=True), late])
     assert "it has no plan" in str(raised.value.__context__)
     assert [entry[0] for entry in early.entries] == ["plan", "end"] and late.entries == []
 
@@ -313,25 +314,27 @@ def test_until_solved_ends_a_solved_training(tmp_path):
 # ----- memory -----
 
 
-@pytest.fixture(scope="module")
 def remembering():
-    """T2TL: a policy with a window of two steps."""
+    """The policy of T2TL, with a window of two steps: as of a run, with parameters that nobody trained."""
     context = ContextConfig(length=2, reader=TINY, segment_length=4)
-    learner = dataclasses.replace(PPO, network=dataclasses.replace(NETWORK, task_encoder=TINY, context=context))
-    return t2tl_jax.train(ProbeEnv(), TASK, learner, frames=1, episode_length=8)
+    learner = dataclasses.replace(PPO, network=dataclasses.replace(NETWORK, context=context))
+    experiment = build(Config(env=t2tl_jax.EnvConfig(), task=TASK, learner=learner), ProbeEnv())
+    draws = np.random.default_rng(0)
+    params = jax.tree.map(lambda x: draws.normal(size=x.shape).astype(x.dtype), experiment.params_shapes)
+    return Result(experiment, {"final": params}, metrics={}, iteration=0).policy()
 
 
 @pytest.mark.slow
-def test_a_policy_with_memory_begins_and_remembers(remembering):
-    policy, obs = remembering.policy(), jnp.ones(3)
+def test_a_policy_with_memory_begins_and_remembers():
+    policy, obs = remembering(), jnp.ones(3)
+    act = jax.jit(lambda policy, carry: policy(obs, 2, carry=carry))
     carry = policy.begin()
-    action = policy(obs, 2, carry=carry)
+    action = act(policy, carry)
     after = policy.remember(carry, obs, action, jnp.float32(0))
     assert jax.tree.map(jnp.shape, after) == jax.tree.map(jnp.shape, carry)
     assert after.valid.tolist() == [False, True]
-    assert not np.array_equal(policy(obs, 2, carry=after), action)  # what was seen counts
-    jitted = jax.jit(lambda policy, carry: policy(obs, 2, carry=carry))(policy, after)
-    np.testing.assert_allclose(jitted, policy(obs, 2, carry=after), atol=1e-6)
+    assert not np.array_equal(act(policy, after), action)  # what was seen counts
+    np.testing.assert_allclose(policy(obs, 2, carry=after), act(policy, after), atol=1e-6)
     with pytest.raises(UserError, match=r"remembers its episode: pass carry=policy.begin\(\)"):
         policy(obs, 2)
 
@@ -340,16 +343,20 @@ def test_a_policy_with_memory_begins_and_remembers(remembering):
 
 
 @pytest.mark.slow
-def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from(remembering):
-    learner = dataclasses.replace(PPO, network=dataclasses.replace(NETWORK, task_encoder=TINY))
-    first, one = remembering, {"learner": learner, "seeds": 1, "frames": FRAMES}
-    frozen = dataclasses.replace(learner, network=dataclasses.replace(learner.network, freeze_task_encoder=True))
-    second = t2tl_jax.train(ProbeEnv(), TASK, pretrained=first, **one | {"learner": frozen})
-    reader, adopted = (of["params"]["task_encoder"] for of in (first.params["best"], second.params["final"]))
-    jax.tree.map(np.testing.assert_array_equal, adopted, reader)
+def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from():
+    """Of a learner that keeps to the encoder which it began with."""
+
+    def trained(pretrained="", **network):
+        learner, nothing = FakeConfig(FakeNetwork(**network)), SelectionConfig(points=0)
+        return t2tl_jax.train(ProbeEnv(), TASK, learner, frames=200, pretrained=pretrained, selection=nothing)
+
+    first = trained(task_encoder=TINY)
+    second = trained(task_encoder=TINY, freeze_task_encoder=True, pretrained=first)
+    reader, adopted = (of["params"]["task_encoder"]["b"] for of in (first.params["best"], second.params["final"]))
+    assert np.all(reader != 0)  # as it would have begun
+    np.testing.assert_array_equal(adopted, reader)
     with pytest.raises(UserError, match="trained a task encoder of kind transformer, and this run has gru"):
-        other = dataclasses.replace(learner.network, task_encoder=GRUConfig())
-        t2tl_jax.train(ProbeEnv(), TASK, pretrained=first, **one | {"learner": dataclasses.replace(PPO, network=other)})
+        trained(task_encoder=GRUConfig(), pretrained=first)
 
 
 # ----- mistakes -----
