@@ -158,21 +158,30 @@ def codes_without_tokens(encoder: nn.Module, params: Params, table: TaskTable, r
     """
     row = _checked(table, row)
     length = int(table.mask[row].sum())
-    present = table.mask[row]
+    present = np.asarray(table.mask[row])
     if isinstance(encoder, TransformerTaskEncoder) and not encoder.config.masked:
-        present = jnp.ones_like(present)
+        present = np.ones_like(present)
         encoder = TransformerTaskEncoder(replace(encoder.config, masked=True))  # the same parameters
-    without = jnp.concatenate([jnp.zeros((1, present.size), bool), jnp.eye(length, present.size, dtype=bool)])
+    # Of as many tokens as any formula of the table can have, so that one program serves all rows.
+    without = np.concatenate([np.zeros((1, present.size), bool), np.eye(present.size, dtype=bool)])
     altered = replace(
-        table, tokens=jnp.broadcast_to(table.tokens[row], without.shape), mask=present[None, :] & ~without
+        table,
+        tokens=jnp.broadcast_to(table.tokens[row], without.shape),
+        mask=jnp.asarray(present & ~without),
     )
-    codes = jax.jit(encoder.apply)({"params": params}, altered)
-    assert isinstance(codes, jax.Array)
+    codes = _codes(encoder, params, altered)[: 1 + length]
     if (codes == codes[0]).all():
         raise ValueError(
             f"{type(encoder).__name__} gives the same code whatever token is masked: it does not read the table's mask "
             "(or not its tokens), so nothing can be taken away from it"
         )
+    return codes
+
+
+@partial(jax.jit, static_argnums=0)
+def _codes(encoder: nn.Module, params: Params, table: TaskTable) -> jax.Array:
+    codes = encoder.apply({"params": params}, table)
+    assert isinstance(codes, jax.Array)
     return codes
 
 

@@ -19,7 +19,7 @@ class Start:
     """The parameters before the first iteration."""
 
     params: Params
-    """Of all seeds, leading axis [seeds]."""
+    """Of all seeds, NumPy arrays with leading axis [seeds]."""
     origin: str
     """Where they come from, in words."""
     problem: str = ""
@@ -33,16 +33,15 @@ def start_params(result: Result) -> Start:
     """
     experiment, config = result.experiment, result.config
     init = jax.vmap(lambda key, env_params: experiment.agent.init(key, env_params).params, (0, OVER_SEEDS))
-    fresh = jax.jit(init)(stream_keys(result.seeds, TRAINING), experiment.env_params("evaluation"))
+    fresh = jax.device_get(jax.jit(init)(stream_keys(result.seeds, TRAINING), experiment.env_params("evaluation")))
     if not config.pretrained:
         return Start(fresh, "new network")
     try:
         with explained():
-            encoder = _encoder(result)
+            encoder = jax.device_get(_encoder(result))
     except UserError as error:
         return Start(fresh, "new network, before the pre-trained encoder", str(error))
-    own = jax.tree.map(jax.numpy.asarray, encoder)
-    return Start({**fresh, "params": {**fresh["params"], transfer.PART: own}}, "pre-trained encoder")
+    return Start({**fresh, "params": {**fresh["params"], transfer.PART: encoder}}, "pre-trained encoder")
 
 
 def _encoder(result: Result) -> Params:
