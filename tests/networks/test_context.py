@@ -24,6 +24,7 @@ from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.training.types import repeated
+from tests.parameters import parameters
 
 SMALL = TransformerConfig(layers=1, width=16, heads=2, feed_forward=32, output=8)
 AS_PUBLISHED = TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True)
@@ -48,13 +49,10 @@ def count(params) -> int:
 
 def random_window(shape, config, valid=True, seed=0):
     """Windows of `shape`, of 2-d actions and 4-d embeddings."""
-    keys = jax.random.split(jax.random.key(seed), 3)
-    slots = (*shape, config.length)
+    rng, slots = np.random.default_rng(seed), (*shape, config.length)
     return Window(
-        action=jax.random.normal(keys[0], (*slots, 2)),
-        reward=jax.random.normal(keys[1], slots),
-        seen=jax.random.normal(keys[2], (*slots, 4)),
-        valid=jnp.broadcast_to(jnp.asarray(valid), slots),
+        *(rng.normal(size=size).astype(np.float32) for size in ((*slots, 2), slots, (*slots, 4))),
+        valid=np.broadcast_to(valid, slots),
     )
 
 
@@ -62,7 +60,7 @@ def coder(config):
     """The encoder's code of windows and its parameters, jitted."""
     module = ContextEncoder(config)
     window = random_window((1,), config)
-    params = jax.jit(module.init)(jax.random.key(1), window, window.seen)
+    params = parameters(module, window, window.seen)
     return params, jax.jit(lambda params, window: module.apply(params, window, window.seen))
 
 
@@ -127,11 +125,11 @@ def test_empty_slots_never_matter_and_order_does_unless_as_published(name):
     params, code = coder(config)
     valid = np.arange(8) >= 5
     window, other = (random_window((2,), config, valid, seed) for seed in (0, 1))
-    mixed = jax.tree.map(lambda x, y: jnp.where(valid.reshape(8, *(1,) * (x.ndim - 2)), x, y), window, other)
+    mixed = jax.tree.map(lambda x, y: np.where(valid.reshape(8, *(1,) * (x.ndim - 2)), x, y), window, other)
     np.testing.assert_array_equal(code(params, window), code(params, mixed))
-    assert jnp.abs(code(params, window) - code(params, other)).max() > 1e-3  # the others do matter
-    backwards = jax.tree.map(lambda x: jnp.concatenate([x[:, :5], x[:, :4:-1]], axis=1), window)
-    difference = jnp.abs(code(params, window) - code(params, backwards)).max()
+    assert np.abs(code(params, window) - code(params, other)).max() > 1e-3  # the others do matter
+    backwards = jax.tree.map(lambda x: np.concatenate([x[:, :5], x[:, :4:-1]], axis=1), window)
+    difference = np.abs(code(params, window) - code(params, backwards)).max()
     assert difference < 1e-5 if published else difference > 1e-3
 
     # No step yet: a code without NaN in value or gradient; 0 where empty slots are masked.
@@ -149,15 +147,18 @@ def test_gradient_reaches_the_environment_encoder_through_the_window_iff_recompu
     config = NetworkConfig(task_encoder=OneHotConfig(), env_layers=(6,), context=context)
     network = ActorCritic(config, action_size=1)
     table = compile_tasks(["F a"], ("a",), "at_most_one")
-    obs, row = jnp.ones((2, 4)), jnp.full(2, 2)
+    obs, row = np.ones((2, 4), np.float32), np.full(2, 2)
     begin = repeated(network.begin(4), 2)
-    params = jax.jit(partial(network.init, method="initialise"))(jax.random.key(0), table, obs, row, begin)
-    remember = jax.jit(partial(network.apply, method="remember"))
-    carry = remember(params, begin, obs, jnp.ones((2, 1)), jnp.ones(2))
-    assert carry.seen.shape == (2, 3, 4 if recompute else 6)
+    params = parameters(network, table, obs, row, begin, method="initialise")
 
-    gradient = jax.jit(jax.grad(lambda p: network.apply(p, carry, method="context").sum()))(params)["params"]
-    assert any(jnp.abs(leaf).max() > 1e-4 for leaf in jax.tree.leaves(gradient["context_encoder"]))
+    @jax.jit
+    def compute(params):
+        carry = network.apply(params, begin, obs, jnp.ones((2, 1)), jnp.ones(2), method="remember")
+        return carry, jax.grad(lambda p: network.apply(p, carry, method="context").sum())(params)["params"]
+
+    carry, gradient = compute(params)
+    assert carry.seen.shape == (2, 3, 4 if recompute else 6)
+    assert any(np.abs(leaf).max() > 1e-4 for leaf in jax.tree.leaves(gradient["context_encoder"]))
     assert any(leaf.any() for leaf in jax.tree.leaves(gradient["environment_encoder"])) == recompute
 
 

@@ -13,6 +13,7 @@ from t2tl_jax.networks.joined import JoinedConfig
 from t2tl_jax.networks.lookahead import LookaheadConfig, LookaheadTaskEncoder
 from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
+from tests.parameters import parameters
 
 COLOURS = ("Blue", "Green", "Magenta", "Yellow")
 TASKS = ("!Blue U (Green & (!Magenta U Yellow))", "F Green & F(Blue | Yellow)", "X(Blue & X F Green)")
@@ -115,7 +116,7 @@ def test_a_row_has_the_same_code_in_every_table(name):
     encoder = make_task_encoder(READERS[name])
     task = "!Blue U (Green & F Yellow)"
     alone, beside = table_of(task), table_of(*TASKS, task)
-    params = jax.jit(encoder.init)(jax.random.key(0), alone)
+    params = parameters(encoder, alone)
     encode = jax.jit(encoder.apply)
     expected = encode(params, alone)[alone.initial_row[0]]
     np.testing.assert_allclose(encode(params, beside)[beside.initial_row[-1]], expected, atol=1e-5)
@@ -146,7 +147,7 @@ def test_the_automaton_tells_rows_apart_by_their_future():
 
     def distances(rounds: int) -> np.ndarray:
         encoder = make_task_encoder(AutomatonConfig(width=16, rounds=rounds, output=5))
-        code = np.asarray(jax.jit(lambda key: encoder.apply(encoder.init(key, table), table))(jax.random.key(1)))
+        code = np.asarray(jax.jit(encoder.apply)(parameters(encoder, table), table))
         return np.abs(code[:, None] - code[None]).max(-1)
 
     assert (distances(4) + np.eye(table.num_rows) > 1e-4).all()
@@ -167,11 +168,10 @@ def test_two_encoders_side_by_side_are_both():
     table = table_of(*TASKS)
     config = JoinedConfig(CONFIG, RGCNConfig(6, 2, 5))
     encoder = make_task_encoder(config)
-    params = jax.jit(encoder.init)(jax.random.key(0), table)
-    code = jax.jit(encoder.apply)(params, table)
+    params = parameters(encoder, table)
     own = {"params": params["params"]["second"]}
+    code, second = jax.jit(lambda: (encoder.apply(params, table), make_task_encoder(config.second).apply(own, table)))()
     np.testing.assert_array_equal(code[:, : CONFIG.code_size], look(CONFIG, table))
-    second = jax.jit(make_task_encoder(config.second).apply)(own, table)
     np.testing.assert_allclose(code[:, CONFIG.code_size :], second, atol=1e-6)
     assert config.learned and config.carries_over and config.reads_tokens
     assert not JoinedConfig(CONFIG, CONFIG).learned

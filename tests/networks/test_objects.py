@@ -23,6 +23,7 @@ from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.objects import Objects
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import config_files
+from tests.parameters import parameters
 
 LOOK = LookaheadConfig(propositions=6, steps=2)
 EACH = {
@@ -65,7 +66,7 @@ FEW = balls(4, 2)
 def encoder_of(kind: str):
     """For eight balls of four colours: (function of parameters, observation and code; parameters)."""
     module = make_state_encoder(EACH[kind], FEW, LOOK)
-    return jax.jit(module.apply), jax.jit(module.init)(jax.random.key(0), *given(FEW))
+    return jax.jit(module.apply), parameters(module, *given(FEW))
 
 
 def shapes_for(kind: str, objects: Objects) -> tuple[Any, Any]:
@@ -136,16 +137,15 @@ def test_values_of_all_rows_are_those_of_each(water, kind, head):
     env, table = water
     config = QNetworkConfig(task_encoder=LOOK, state=EACH[kind], state_layers=(8,), task_layer=6, head=head)
     network = QNetwork(config, 5, env.objects)
-    obs = jax.random.normal(jax.random.key(3), (4, env.observation_size))
-    rows = np.array([2, 3, 4, 2])
+    obs = np.random.default_rng(3).normal(size=(4, env.observation_size)).astype(np.float32)
+    rows, params = np.array([2, 3, 4, 2]), parameters(network, table, obs, method="initialise")
 
     @jax.jit
-    def values(key: jax.Array, obs: jax.Array) -> tuple[jax.Array, jax.Array]:
-        params = network.init(key, table, obs, method="initialise")
+    def values(params: Any, obs: jax.Array) -> tuple[jax.Array, jax.Array]:
         codes = network.apply(params, table, method="embed")
         return network.apply(params, obs, codes, method="every_row"), network.apply(params, obs, codes, rows)
 
-    every, own = values(jax.random.key(0), obs)
+    every, own = values(params, obs)
     assert every.shape == (4, table.num_rows, 5)
     np.testing.assert_allclose(own, every[np.arange(4), rows], atol=1e-5)
     assert np.abs(every[:, 2] - every[:, 3]).max() > 1e-3

@@ -17,6 +17,7 @@ from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.rgcn import RGCNConfig, second_operand
 from t2tl_jax.networks.task_encoders import OneHotConfig, OneHotTaskEncoder, make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
+from tests.parameters import parameters
 
 PROPOSITIONS = ("Black", "White", "Red", "Yellow")
 TASKS = ("!Red U (Black & (!Yellow U White))", "F(Red & X(Black | F Yellow))", "F Red & F White")
@@ -37,8 +38,7 @@ def table() -> TaskTable:
 def reader(request, table):
     """An encoder of formulas as (compiled function of params and table, params)."""
     encoder = make_task_encoder(SIZES[request.param])
-    params = jax.jit(encoder.init)(jax.random.key(1), table)
-    return jax.jit(encoder.apply), params
+    return jax.jit(encoder.apply), parameters(encoder, table)
 
 
 def token_of(formula: Formula, table: TaskTable) -> int:
@@ -78,11 +78,9 @@ def test_second_operand_is_where_the_tree_says(table):
 def test_graph_network_equals_a_walk_over_the_tree(table, layers):
     """Round by round and node by node in NumPy, with the network's weights."""
     encoder = make_task_encoder(RGCNConfig(width=6, layers=layers, output=5))
-    variables = jax.jit(encoder.init)(jax.random.key(2), table)
-    bias = jax.random.normal(jax.random.key(3), (6,))
-    variables["params"]["convolution"]["bias"] = bias  # it starts at 0, which would hide its absence
-    params = jax.tree.map(np.asarray, variables["params"])
-    own, arg, arg1, arg2 = params["convolution"]["weights"]
+    variables = parameters(encoder, table)
+    params = variables["params"]
+    (own, arg, arg1, arg2), bias = params["convolution"]["weights"], params["convolution"]["bias"]
 
     def start(node: Formula) -> np.ndarray:
         return params["input"]["kernel"][token_of(node, table)] + params["input"]["bias"]
@@ -113,12 +111,12 @@ def test_published_graph_network_has_its_size():
 
 def test_recurrent_network_equals_a_loop_over_the_tokens(table):
     encoder = make_task_encoder(SIZES["gru"])
-    variables = jax.jit(encoder.init)(jax.random.key(4), table)
+    variables = parameters(encoder, table)
     params = variables["params"]
     cell, step = {"params": params["cell"]}, jax.jit(nn.GRUCell(6).apply)
     code = jax.jit(encoder.apply)(variables, table)
     for row in (2, table.num_rows - 1):
-        state = jnp.zeros(6)
+        state = np.zeros(6, np.float32)
         for token in np.asarray(table.tokens[row])[np.asarray(table.mask[row])]:
             state, _ = step(cell, state, params["word_embedding"]["embedding"][token])
         expected = np.tanh(state @ params["output"]["kernel"] + params["output"]["bias"])
