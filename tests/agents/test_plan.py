@@ -1,7 +1,6 @@
 """A plan at play: the way that the critic values most, and nothing else where there is one way only."""
 
 import dataclasses
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +20,7 @@ from t2tl_jax.networks.roles import RolesConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.types import Agent
 from tests.agents.sizes import GRU, PPO, TRANSFORMER
+from tests.parameters import parameters
 
 PLACES = jnp.array([9, -1, -2])
 """Where a, b and c are on a line; the agent starts at 0."""
@@ -95,7 +95,7 @@ def test_a_choice_stands_until_another_way_is_worth_more_by_the_margin_or_the_ro
     table = compile_tasks([TRAP], Line.propositions, Line.alphabet)
     start = table.initial_row[0]
     plan = planning(WALKER, READER, margin=1.5)
-    ahead = plan.embed({}, table)
+    ahead = jax.jit(plan.embed)({}, table)
     act = jax.jit(lambda obs, kept: plan.act({}, ahead, kept, obs, start, None, True))
     to_a, by_b = ahead.whose[start, :2].tolist()
     kept, decided, decide = plan.begin(), [], jax.jit(plan.decide)
@@ -111,7 +111,7 @@ def test_a_choice_stands_until_another_way_is_worth_more_by_the_margin_or_the_ro
 def test_of_one_way_the_policy_acts_bit_for_bit_and_of_several_as_under_the_best():
     """A policy with memory; what it remembers is the same for all ways."""
     config = NetworkConfig(
-        task_encoder=RolesConfig(3), env_layers=(8,), actor_layers=(8,), critic_layers=(8,), value_scale=1.0,
+        task_encoder=RolesConfig(3), env_layers=(8,), actor_layers=(), critic_layers=(),
         context=ContextConfig(length=2, reader=GRU),
     )  # fmt: skip
     table = compile_tasks([TRAP], Line.propositions, Line.alphabet)
@@ -121,7 +121,7 @@ def test_of_one_way_the_policy_acts_bit_for_bit_and_of_several_as_under_the_best
     obs, row = jax.random.normal(keys[0], (size, 1)), jax.random.randint(keys[1], (size,), 2, table.num_rows)
     first = jax.tree.map(lambda x: jnp.broadcast_to(x, (size, *x.shape)), plan.begin())
     network = ActorCritic(config, 1)
-    params = jax.jit(partial(network.init, method="initialise"))(keys[2], table, obs, row, first.carry)
+    params = parameters(network, table, obs, row, first.carry, method="initialise")
 
     @jax.jit
     def prepared(params):

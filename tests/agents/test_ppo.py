@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from functools import partial
+from functools import cache
 
 import chex
 import jax
@@ -14,11 +14,10 @@ from t2tl_jax.agents.ppo import make_ppo, noise_correlation
 from t2tl_jax.agents.ppo_learning import Batch, ppo_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.gru import GRUConfig
-from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv
-from tests.agents.sizes import PPO, TRANSFORMER
+from tests.agents.sizes import GRAPH, GRU, PPO, TRANSFORMER
+from tests.parameters import begun_quickly, parameters
 from tests.probe import ProbeEnv
 
 NETWORK = NetworkConfig(
@@ -27,9 +26,11 @@ NETWORK = NetworkConfig(
     actor_layers=(16,),
     critic_layers=(16,),
 )
-OTHERS = (OneHotConfig(), RGCNConfig(width=16, output=8), GRUConfig(width=16, output=8))
+OTHERS = {"one_hot": OneHotConfig(), "rgcn": GRAPH, "gru": GRU}
 ITERATIONS = 30  # enough for every encoder; most need 20
-ONE_HOT = dataclasses.replace(NETWORK, task_encoder=OneHotConfig())  # compiles faster where the encoder does not matter
+# These compile faster, where the layers do not matter: an encoder that learns, and one that does not.
+SMALL = NetworkConfig(task_encoder=GRAPH, env_layers=(), actor_layers=(8,), critic_layers=())
+ONE_HOT = dataclasses.replace(SMALL, task_encoder=OneHotConfig())
 
 
 @pytest.fixture(scope="module")
@@ -51,14 +52,28 @@ def learner(env):
 
 
 @pytest.fixture(scope="module")
+def small(env):
+    """Small learners by the name of their encoder, each as (agent, init, iterate) and compiled once."""
+
+    @cache
+    def of(name):
+        network = dataclasses.replace(SMALL, task_encoder=OTHERS[name])
+        agent, given = begun_quickly(make(env, network=network)), env.make_params(0)
+        init, iterate = jax.jit(agent.init), jax.jit(agent.iterate)
+        return agent, lambda key: init(key, given), lambda state: iterate(state, given)
+
+    return of
+
+
+@pytest.fixture(scope="module")
 def rollout(env):
     """State before and after one iteration of many environments with exploration noise, and its metrics.
 
     One epoch of one minibatch with a vanishing learning rate: the update sees what the rollout did.
     """
     sizes = {"num_envs": 512, "minibatch_size": 512 * PPO.unroll_length, "epochs": 1}
-    agent, given = make(env, noise_time=20.0, learning_rate=0.0, **sizes), env.make_params(0)
-    state = jax.jit(agent.init)(jax.random.key(0), given)
+    agent, given = make(env, network=SMALL, noise_time=20.0, learning_rate=0.0, **sizes), env.make_params(0)
+    state = jax.jit(begun_quickly(agent).init)(jax.random.key(0), given)
     return state, *jax.jit(agent.iterate)(state, given)
 
 
@@ -96,8 +111,7 @@ def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
         value=jnp.array(normal[:, 5]),
         advantage=jnp.array(normal[:, 6]),
     )
-    init = jax.jit(partial(network.init, method="initialise"))
-    params = init(jax.random.key(1), table, batch.obs, batch.row)
+    params = parameters(network, table, batch.obs, batch.row, method="initialise")
 
     def table_wise(params):
         task = network.apply(params, table, method="embed")[batch.row]
@@ -107,7 +121,7 @@ def test_encoding_each_formula_once_gives_the_per_sample_gradients(env):
         per_sample = table.replace(tokens=table.tokens[batch.row], mask=table.mask[batch.row])
         return ppo_loss(PPO, network, params, network.apply(params, per_sample, method="embed"), batch)[0]
 
-    fast, slow = (jax.jit(jax.grad(loss))(params) for loss in (table_wise, sample_wise))
+    fast, slow = jax.jit(lambda params: [jax.grad(loss)(params) for loss in (table_wise, sample_wise)])(params)
     encoder = jax.tree.leaves(fast["params"]["task_encoder"])
     assert max(float(jnp.abs(leaf).max()) for leaf in encoder) > 1e-3  # the encoder does learn from this loss
     chex.assert_trees_all_close(fast, slow, atol=1e-5)
@@ -133,29 +147,24 @@ def test_probe_is_solved_by_reading_the_formula(env, learner):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task_encoder", OTHERS)
-def test_other_task_encoders_solve_the_probe_too(env, task_encoder):
-    network = dataclasses.replace(NETWORK, task_encoder=task_encoder)
-    agent, given = make(env, network=network), env.make_params(0)
-    state = jax.jit(agent.init)(jax.random.key(0), given)
-    iterate = jax.jit(agent.iterate)
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_task_encoders_solve_the_probe_too(small, name):
+    _, init, iterate = small(name)
+    state = init(jax.random.key(0))
     for _ in range(ITERATIONS):
-        state, metrics = iterate(state, given)
+        state, metrics = iterate(state)
     assert metrics.episodes.length / metrics.episodes.episodes < 4.5
 
 
 @pytest.mark.slow
-def test_vmapped_seeds_equal_single_seeds(env, learner):
-    """Same behaviour to 1e-3; not the same bits, since batched matrix products round differently.
-
-    Weights are no measure: Adam blows up rounding noise where a gradient is zero in theory (attention's key bias).
-    """
-    agent, init_one, iterate_one = learner
+def test_vmapped_seeds_equal_single_seeds(env, small):
+    """Same behaviour to 1e-3; not the same bits, since batched matrix products round differently."""
+    agent, init_one, iterate_one = small("rgcn")
     keys = jax.random.split(jax.random.key(3), 3)
     given = env.make_params(0)
-    together = jax.jit(jax.vmap(make(env).init, (0, None)))(keys, given)
+    together = jax.jit(jax.vmap(agent.init, (0, None)))(keys, given)
     alone = init_one(keys[1])
-    iterate_all = jax.jit(jax.vmap(make(env).iterate, (0, None)))
+    iterate_all = jax.jit(jax.vmap(agent.iterate, (0, None)))
     for _ in range(2):
         together, metrics_all = iterate_all(together, given)
         alone, metrics_one = iterate_one(alone)
@@ -189,7 +198,7 @@ def test_time_limit_is_bootstrapped_unless_told_otherwise(terminal):
     env = TaskEnv(probe, compile_tasks(["F(Up & F(Down & F(Up & F(Down & F Up))))"], probe.propositions, "at_most_one"))
     config = dataclasses.replace(
         PPO,
-        network=dataclasses.replace(ONE_HOT, value_scale=0.0),
+        network=ONE_HOT,
         timeout_is_terminal=terminal,
         discount=1.0,
         gae_lambda=1.0,
@@ -198,8 +207,9 @@ def test_time_limit_is_bootstrapped_unless_told_otherwise(terminal):
         minibatch_size=256,
     )
     agent = make_ppo(env, config, episode_length=4, iterations=1)
-    state = jax.jit(agent.init)(jax.random.key(1), env.make_params(0))
-    state.params["params"]["critic"]["value"]["bias"] = jnp.ones(1)
+    state = jax.jit(begun_quickly(agent).init)(jax.random.key(1), env.make_params(0))
+    critic = state.params["params"]["critic"]["value"]
+    critic["kernel"], critic["bias"] = jnp.zeros_like(critic["kernel"]), jnp.ones(1)
     _, metrics = jax.jit(agent.iterate)(state, env.make_params(0))
     assert metrics.episodes.timeouts == metrics.episodes.episodes == 64  # five goals cannot be met in four steps
     np.testing.assert_allclose(metrics.scalars["value_loss"], 1.0 if terminal else 0.0, atol=1e-5)

@@ -18,6 +18,7 @@ from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.advantages import generalised_advantages
 from tests.agents import sizes
+from tests.parameters import begun_quickly
 from tests.probe import CueEnv, success_by_memory
 
 pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
@@ -33,13 +34,14 @@ NETWORK = NetworkConfig(
 )
 # One minibatch: its probability ratios are those of the parameters that acted.
 PPO = dataclasses.replace(sizes.PPO, num_envs=32, unroll_length=8, epochs=1, minibatch_size=256, learning_rate=1e-2)
+SMALL = dataclasses.replace(NETWORK, env_layers=(8,), actor_layers=(), critic_layers=())  # compiles faster
 EPISODE_LENGTH = 5
 
 
-def make(iterations=150, **changes):
+def make(iterations=150, network=NETWORK, **changes):
     probe = CueEnv()
     env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
-    network = dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, **changes))
+    network = dataclasses.replace(network, context=dataclasses.replace(CONTEXT, **changes))
     return env, make_ppo(env, dataclasses.replace(PPO, network=network), EPISODE_LENGTH, iterations)
 
 
@@ -87,9 +89,9 @@ def test_the_value_after_a_step_is_that_of_the_window_after_the_step(learner):
 
 
 def test_a_gru_reads_the_window_that_acted():
-    env, agent = make(reader=sizes.GRU, segment_length=4)
+    env, agent = make(network=SMALL, reader=sizes.GRU, segment_length=4)
     given = env.make_params(0)
-    state, iterate = jax.jit(agent.init)(jax.random.key(0), given), jax.jit(agent.iterate)
+    state, iterate = jax.jit(begun_quickly(agent).init)(jax.random.key(0), given), jax.jit(agent.iterate)
     for _ in range(3):
         state, metrics = iterate(state, given)
         assert metrics.episodes.timeouts > 0 and abs(metrics.scalars["kl"]) < 1e-6
@@ -97,9 +99,10 @@ def test_a_gru_reads_the_window_that_acted():
 
 @pytest.mark.parametrize("aligned", [True, False])
 def test_published_windows_run_on_and_belong_to_other_samples(aligned):
-    env, agent = make(reset=False, recompute=False, aligned=aligned, segment_length=8 if aligned else 1)
+    published = {"reset": False, "recompute": False, "aligned": aligned, "segment_length": 8 if aligned else 1}
+    env, agent = make(network=SMALL, **published)
     given = env.make_params(0)
-    state = jax.jit(agent.init)(jax.random.key(0), given)
+    state = jax.jit(begun_quickly(agent).init)(jax.random.key(0), given)
     iterate = jax.jit(agent.iterate)
     for _ in range(2):
         state, metrics = iterate(state, given)

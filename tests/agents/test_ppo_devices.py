@@ -14,13 +14,14 @@ from t2tl_jax.training.devices import seed_sharding
 from t2tl_jax.training.program import params_of_seeds, trace
 from tests.agents.sizes import PPO
 from tests.agents.test_ppo import ONE_HOT
+from tests.parameters import begun_quickly
 from tests.probe import ProbeEnv
 
 probe = ProbeEnv()
 env = TaskEnv(probe, compile_tasks(["F(Up & F(Down & F Up))"], probe.propositions, probe.alphabet))
 # Adam divides by the gradient's size: with the usual epsilon it would make rounding of vanishing gradients visible.
 config = dataclasses.replace(PPO, network=ONE_HOT, epochs=1, adam_epsilon=1.0, learning_rate=0.3)
-agent = make_ppo(env, config, episode_length=20, iterations=60)
+agent = begun_quickly(make_ppo(env, config, episode_length=20, iterations=60))
 
 def trained(seeds, mesh):
     sharding = seed_sharding(len(seeds), agent.num_envs, per_seed=mesh[1])

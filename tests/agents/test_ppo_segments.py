@@ -17,11 +17,12 @@ from t2tl_jax.networks.context import ContextConfig, Segment, stack_windows, val
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.training.types import repeated
 from tests.agents import sizes
+from tests.parameters import parameters
 
 SWITCHES = ((True, False), (True, False))
 SEGMENTS, STEPS, WINDOW, OBSERVATION = 6, 5, 3, 4
 CONTEXT = ContextConfig(length=WINDOW, reader=sizes.TRANSFORMER, segment_length=STEPS)
-NETWORK = NetworkConfig(task_encoder=OneHotConfig(), env_layers=(16,), actor_layers=(16,), critic_layers=(16,))
+NETWORK = NetworkConfig(task_encoder=OneHotConfig(), env_layers=(16,), actor_layers=(), critic_layers=())
 
 
 def make_network(**changes):
@@ -30,9 +31,8 @@ def make_network(**changes):
 
 def parameters_of(network):
     table = compile_tasks(["F a"], ("a",), "at_most_one")
-    init = partial(network.init, jax.random.key(0), table, method="initialise")
     carry = repeated(network.begin(OBSERVATION), 1)
-    return jax.jit(init)(jnp.zeros((1, OBSERVATION)), jnp.full(1, 2), carry)
+    return parameters(network, table, jnp.zeros((1, OBSERVATION)), jnp.full(1, 2), carry, method="initialise")
 
 
 def act(network, params):
@@ -42,10 +42,9 @@ def act(network, params):
     """
     rng, before = np.random.default_rng(0), WINDOW + 2
     shape = (before + STEPS, SEGMENTS)
-    obs, action, reward = (
-        jnp.asarray(rng.normal(size=(*shape, *size)), jnp.float32) for size in ((OBSERVATION,), (2,), ())
-    )
-    ended = jnp.asarray(rng.random(shape) < 0.25).at[before - 1, 0].set(True)
+    obs, action, reward = (rng.normal(size=(*shape, *size)).astype(np.float32) for size in ((OBSERVATION,), (2,), ()))
+    ended = rng.random(shape) < 0.25
+    ended[before - 1, 0] = True
 
     def step(carry, now):
         obs, action, reward, ended = now
@@ -55,7 +54,7 @@ def act(network, params):
     start = repeated(network.begin(OBSERVATION), SEGMENTS)
     _, windows = jax.jit(lambda *given: jax.lax.scan(step, *given))(start, (obs, action, reward, ended))
     windows, after, (obs, action, reward, ended) = jax.tree.map(
-        lambda x: jnp.swapaxes(x[before:], 0, 1), (*windows, (obs, action, reward, ended))
+        lambda x: np.swapaxes(x[before:], 0, 1), (*windows, (obs, action, reward, ended))
     )
     assert ended[:, :-1].any() and not ended.all()
     seen = None if network.config.context.recompute else jax.jit(partial(network.apply, method="see"))(params, obs)
@@ -98,26 +97,33 @@ def test_loss_gradients_and_values_are_those_of_samples_with_their_own_windows(r
     params = parameters_of(network)
     obs, action, windows, after, segment = act(network, params)
     rng = np.random.default_rng(1)
-    log_prob, value, advantage = (jnp.asarray(rng.normal(size=(SEGMENTS, STEPS)), jnp.float32) for _ in range(3))
-    task = jnp.asarray(rng.normal(size=(SEGMENTS, STEPS, NETWORK.task_encoder.code_size)), jnp.float32)
-    row = jnp.zeros((SEGMENTS, STEPS), int)
-    batch = Batch(obs, row, action, log_prob - 3, value, advantage, segment)
+    normal = rng.normal(size=(3, SEGMENTS, STEPS)).astype(np.float32)
+    task = rng.normal(size=(SEGMENTS, STEPS, NETWORK.task_encoder.code_size)).astype(np.float32)
+    next_obs = rng.normal(size=obs.shape).astype(np.float32)
+    log_prob, value, advantage = normal
+    batch = Batch(obs, np.zeros((SEGMENTS, STEPS), int), action, log_prob - 3, value, advantage, segment)
     flat = lambda tree: jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), tree)  # noqa: E731
-    apart = flat(dataclasses.replace(batch, carry=windows))
 
     def loss(params, task, batch):
         return ppo_loss(PPOConfig(clip_eps=10.0, clip_value=False), network, params, task, batch)[0]
 
-    both = jax.jit(jax.value_and_grad(loss))
-    together, samples = both(params, task, batch), both(params, flat(task), apart)
-    chex.assert_trees_all_close(together, samples, rtol=1e-5, atol=1e-6)
-    assert any(jnp.abs(leaf).max() > 1e-4 for leaf in jax.tree.leaves(together[1]["params"]["context_encoder"]))
+    @jax.jit  # one program of all that is compared
+    def compute(params, task, batch, windows, after):
+        apart = flat(dataclasses.replace(batch, carry=windows))
+        together = (
+            jax.value_and_grad(loss)(params, task, batch),
+            network.apply(params, obs, next_obs, task, segment, method="value_after"),
+        )
+        samples = (
+            jax.value_and_grad(loss)(params, flat(task), apart),
+            network.apply(params, next_obs, task, after, method="value"),
+        )
+        return together, samples
 
-    next_obs = jnp.asarray(rng.normal(size=obs.shape), jnp.float32)
-    apply = jax.jit(network.apply, static_argnames="method")
-    together = apply(params, obs, next_obs, task, segment, method="value_after")
-    samples = apply(params, next_obs, task, after, method="value")
-    np.testing.assert_allclose(together, samples, rtol=1e-5, atol=1e-6)
+    together, samples = compute(params, task, batch, windows, after)
+    chex.assert_trees_all_close(together, samples, rtol=1e-5, atol=1e-6)
+    (_, gradient), _ = together
+    assert any(jnp.abs(leaf).max() > 1e-4 for leaf in jax.tree.leaves(gradient["params"]["context_encoder"]))
 
 
 def test_segments_that_do_not_fit_are_refused():
