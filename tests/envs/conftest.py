@@ -1,5 +1,7 @@
 """Shared by the environment tests: both physics, and the original MuJoCo model with its 204 wall cubes."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -10,6 +12,9 @@ from envs.zones import ZoneConfig, ZoneEnv
 from envs.zones.original_scene import original_model
 from envs.zones.point_closed_form import ClosedFormPoint
 from envs.zones.point_mjx import MjxPoint
+
+OPTIMISED = {"xla_backend_optimization_level": 1}
+"""Compiler options of programs that run much longer than they compile; see `tests/conftest.py`."""
 
 
 @pytest.fixture(scope="session")
@@ -49,7 +54,7 @@ def drive(env):
     One compiled program serves every test that needs a trajectory, because compiling MJX is what these tests wait for.
     """
 
-    @jax.jit
+    @partial(jax.jit, compiler_options=OPTIMISED)
     def run(qpos, actions, qvel):
         states = jax.vmap(env.reset_to)(qpos, qvel)
 

@@ -67,7 +67,7 @@ def test_it_beats_random_actions(task_env):
 
 @pytest.mark.slow
 def test_command_prints_a_table(capsys):
-    assert main(["--tasks", "phi_water", "F Pink", "--episodes", "2", "--episode-length", "3"]) == 0
+    assert main(["--tasks", "F Pink", "F Gray", "--episodes", "2", "--episode-length", "3"]) == 0
     printed = capsys.readouterr().out
     assert [line.split()[-5] for line in printed.splitlines()[2:]] == ["random", "script"] * 2
 

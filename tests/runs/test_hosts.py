@@ -1,6 +1,10 @@
-"""Two processes as one run: the numbers of one process, one that dies ends the other, and what is left goes on."""
+"""Two processes as one run: the numbers of one process, one that dies ends the other, and what is left goes on.
+
+Their two devices train three seeds, and so four: nothing of the one that fills up is left behind.
+"""
 
 import contextlib
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,7 +15,7 @@ import pytest
 
 from experiments import run
 from experiments.cli import hosts
-from t2tl_jax import resume, train
+from t2tl_jax import load, resume, train
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.registry import named_config
 from t2tl_jax.training.devices import seed_sharding
@@ -153,6 +157,19 @@ def test_two_processes_give_the_numbers_of_one(folder):
         assert code == 0, said
     for name in ("metrics.csv", "checkpoints/4/info/metadata"):  # which has a checksum of every array
         assert (folder / "alone" / name).read_bytes() == (folder / "together" / name).read_bytes()
+
+
+@pytest.mark.slow
+def test_filling_up_leaves_no_trace(folder, tmp_path):
+    spread = Path(shutil.copytree(folder / "alone", tmp_path / "spread"))
+    alone = train(two_hosts.CONFIG, folder=tmp_path / "alone")  # on one device
+    (_, many), (_, one) = restored(spread), restored(tmp_path / "alone")
+    np.testing.assert_allclose(many.params["params"]["w"], one.params["params"]["w"], rtol=1e-4, atol=1e-5)
+    loaded = load(spread)
+    assert loaded.metrics.keys() == alone.metrics.keys()
+    for name, values in alone.metrics.items():
+        np.testing.assert_allclose(loaded.metrics[name], values, rtol=1e-4, atol=1e-5, err_msg=name)
+    assert resume(spread, frames=500).iteration == 5  # goes on where there is but one device
 
 
 @pytest.mark.slow

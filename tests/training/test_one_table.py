@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-from functools import cache
 
 import jax
 import pytest
@@ -15,7 +14,7 @@ from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.program import params_of_seeds, trace
-from t2tl_jax.training.types import LearnerConfig
+from t2tl_jax.training.types import Agent, LearnerConfig
 from tests.agents.sizes import PPO
 from tests.probe import DiscreteProbeEnv
 
@@ -43,18 +42,17 @@ def task_env(steps: int) -> TaskEnv:
     return TaskEnv(world, compile_tasks(f"F(Up & {'X ' * steps}Down)", world.propositions, world.alphabet))
 
 
-@cache
-def traced(learner: str, steps: int):
-    (make, config), env = LEARNERS[learner], task_env(steps)
+def agent_of(learner: str, env: TaskEnv) -> Agent:
+    make, config = LEARNERS[learner]
     assert isinstance(config, LearnerConfig)
-    return trace(make(env, config, 20, 10), SEEDS, params_of_seeds(env, SEEDS))
+    return make(env, config, 20, 10)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_no_array_of_the_table_is_there_for_every_seed(learner):
     env = task_env(4)
-    program = traced(learner, 4)
+    program = trace(agent_of(learner, env), SEEDS, params_of_seeds(env, SEEDS))
     given = jax.tree.leaves(program.env_params.table)
     assert [x.shape for x in given] == [x.shape for x in jax.tree.leaves(env.table)]
     text = program.lowered_iterate.as_text()
@@ -71,7 +69,10 @@ def test_no_array_of_the_table_is_there_for_every_seed(learner):
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_checkpoints_hold_no_table(learner):
     """It is compiled again from the configuration. What is kept of rows is what a network has made of them."""
-    small, large = (traced(learner, steps).state for steps in (2, 4))
+    small, large = (
+        jax.eval_shape(agent_of(learner, env).init, jax.random.key(0), env.make_params(0))
+        for env in (task_env(2), task_env(4))
+    )
     sizes = [
         {jax.tree_util.keystr(path): x.shape for path, x in jax.tree_util.tree_leaves_with_path(state)}
         for state in (small, large)
