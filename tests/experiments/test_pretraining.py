@@ -18,6 +18,7 @@ from t2tl_jax.registry import make_env, named_config
 from t2tl_jax.runs import experiment as experiments_of
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import pretraining
+from t2tl_jax.runs.config import SelectionConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
 from t2tl_jax.single_state import SingleStateConfig
@@ -99,11 +100,12 @@ def test_pools_change_and_a_resumed_run_meets_the_same_ones(command, capsys):
 @pytest.mark.slow
 def test_a_run_pretrains_for_itself_once_and_starts_with_that_encoder(command, monkeypatch, capsys, tmp_path):
     learner = dataclasses.replace(SCHEDULE.learner, **SIZES)
-    small = dataclasses.replace(SCHEDULE, learner=learner, frames=384, convergence=ConvergenceConfig())
+    none = SelectionConfig(points=0)
+    small = dataclasses.replace(SCHEDULE, learner=learner, frames=384, convergence=ConvergenceConfig(), selection=none)
     monkeypatch.setattr(pretraining, "SCHEDULE", small)
-    flags = ("--task", "F(Red & F Black)", "--pretrained", "auto:F(Red & F White)", "--seeds", "2")
+    flags = ("--task", "F(Red & F Black)", "--selection.points", "0", "--frames", "256")
     freeze = ("--learner.network.freeze-task-encoder", "True")
-    folder = command(*flags, *freeze, "--frames", "256")
+    folder = command(*flags, *freeze, "--pretrained", "auto:F(Red & F White)", "--seeds", "2")
     said = capsys.readouterr().out
     assert "before pre-training of the task encoder, counted apart" in said
     assert "task   F(Red & F White)\nplan   384 frames per seed" in said
@@ -120,9 +122,7 @@ def test_a_run_pretrains_for_itself_once_and_starts_with_that_encoder(command, m
     assert json.loads((folder / "status.json").read_text())["pretraining"] == status["pretraining"]
 
     # The same by naming that run, each seed with the encoder of that seed.
-    named = command(
-        "--task", "F(Red & F Black)", "--pretrained", str(inner), "--seeds", "1,0", *freeze, "--frames", "256"
-    )
+    named = command(*flags, *freeze, "--pretrained", str(inner), "--seeds", "1,0")
     own, source = encoder_of(named, "final"), encoder_of(inner)
     jax.tree.map(lambda a, b: np.testing.assert_array_equal(a, b[::-1]), own, source)
 

@@ -25,6 +25,7 @@ from t2tl_jax import Config, EnvConfig, NetworkConfig, PPOConfig, UserError
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import experiment as experiments_of_runs
 from t2tl_jax.runs import pretraining
+from t2tl_jax.runs.config import SelectionConfig
 from t2tl_jax.runs.config_files import from_json, to_json
 from t2tl_jax.training.program import trace
 
@@ -257,7 +258,8 @@ def test_one_command_builds_everything_once(tables, config, command):
 @pytest.mark.slow
 def test_so_does_its_pretraining(tables, config, monkeypatch, tmp_path):
     """The environment of a pre-training is another one; its table comes after the run's own."""
-    small = dataclasses.replace(named_config("pretrain_zone"), learner=SINGLE_STATE, frames=64)
+    none = SelectionConfig(points=0)
+    small = dataclasses.replace(named_config("pretrain_zone"), learner=SINGLE_STATE, frames=64, selection=none)
     monkeypatch.setattr(pretraining, "SCHEDULE", small)
     traced = []
     monkeypatch.setattr(experiments_of_runs, "trace", lambda *given, **more: traced.append(1) or trace(*given, **more))

@@ -20,19 +20,21 @@ warnings.simplefilter("ignore")  # of the plugin that is not there
 import t2tl_jax
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.runs import pretraining
+from t2tl_jax.runs.config import RunConfig, SelectionConfig
 from t2tl_jax.single_state import SingleState, SingleStateConfig
 
 sizes = dict(num_envs=4, unroll_length=8, minibatch_size=32, epochs=1)
 network = t2tl_jax.NetworkConfig(task_encoder=GRUConfig(width=8, output=4), env_layers=(), actor_layers=(8,),
                                  critic_layers=(8,))
 short = dataclasses.replace(pretraining.SCHEDULE.learner, **sizes)
-pretraining.SCHEDULE = dataclasses.replace(pretraining.SCHEDULE, learner=short, frames=64)
+outside = dict(selection=SelectionConfig(points=0), run=RunConfig(evaluation_episodes=0))
+pretraining.SCHEDULE = dataclasses.replace(pretraining.SCHEDULE, learner=short, frames=64, **outside)
 
 class Own(SingleState):
     "An environment that is given as an object, and registered nowhere."
 
 run = t2tl_jax.train(Own(SingleStateConfig(("a", "b"))), "F(a & F b)", t2tl_jax.PPOConfig(network=network, **sizes),
-                     frames=64, episode_length=20, pretrained="auto:own", folder=sys.argv[1])
+                     frames=64, episode_length=20, pretrained="auto:own", folder=sys.argv[1], **outside)
 assert run.ended == "complete"
 before = t2tl_jax.load(run.folder / "pretraining")
 assert before.config.env == SingleStateConfig(("a", "b")) and before.config.task == "F(a & F b)"
