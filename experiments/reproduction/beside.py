@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments import tuning
+from experiments.benchmarks.plans import table as plan_table
 from experiments.methods import apply
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import stored
@@ -168,6 +169,20 @@ def walls(results: Path) -> str:
         torsional friction, two points for the front of the robot), not the solver's."""
     heading = ("physics", "position", "velocity", "turning rate", "intervals of the medians")
     return "\n\n".join((paragraph(note), table(heading, rows), origin([measured["where"]])))
+
+
+def plans(results: Path) -> str:
+    """What a plan was worth to a stored agent."""
+    file = results / "plans.json"
+    if not file.is_file():
+        return "Not measured yet."
+    measured = read_json(file)
+    count, seeds = measured["episodes"], measured["seeds"]
+    note = f"""
+        {len(seeds)} agent{"s" * (len(seeds) > 1)} of `{measured["run"]}` (seed {tuning.in_words(seeds)}), {count:,}
+        episodes of at most {measured["episode_length"]} steps for each formula and policy:
+        `python -m experiments.benchmarks.plans {measured["run"]} --json results/plans.json`."""
+    return "\n\n".join((paragraph(note), plan_table(measured), origin([measured["where"]])))
 
 
 def _interval(ends: list[float], digits: int) -> str:

@@ -95,6 +95,7 @@ def documentation(root: Path) -> Documentation:
             "environments": speed.environments(results),
         },
         "docs/performance.md": {"trainings": speed.everything(results)},
+        "docs/usage.md": {"plans": beside.plans(results)},
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}
     for_any = stored.load(results / "any")
