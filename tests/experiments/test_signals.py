@@ -1,44 +1,52 @@
 """Ctrl-C and SIGTERM at every stage: exit code 0, no traceback, a folder that can be resumed."""
 
-import os
 import signal
-import subprocess
-import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from t2tl_jax.runs import pretraining
 from tests.fake_learner import PRETRAINING
+from tests.forked_commands import Command, Commands
 
-pytestmark = pytest.mark.slow  # every test waits for a process that loads JAX
+pytestmark = pytest.mark.slow  # every test waits for processes
 
-ROOT = Path(__file__).parents[2]
-
-
-def start(folder: Path, frames: str, pretrained: str = "", **delays: str) -> subprocess.Popen:
-    flags = ["--config", "fake", "--run.folder", str(folder), "--pretrained", pretrained, "--frames", frames]
-    return command(*flags, "--run.progress", "True", **delays)
+Start = Callable[..., Command]
 
 
-def go_on(run: Path, **delays: str) -> subprocess.Popen:
-    return command("--resume", str(run), **delays)
+@pytest.fixture(scope="module")
+def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Commands]:
+    begun = Commands(tmp_path_factory.mktemp("commands"))
+    yield begun
+    begun.end()
 
 
-def command(*flags: str, **delays: str) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-m", "experiments.run", "--import", "tests.fake_pretraining", *flags],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env={**os.environ, **delays, "PYTHONUNBUFFERED": "1"},
-    )
+@pytest.fixture
+def command(commands: Commands) -> Start:
+    """Starts `experiments.run` with these flags, and with delays as environment variables."""
+    return lambda *flags, **delays: commands.start("--import", "tests.fake_pretraining", *flags, **delays)
 
 
-def read_until(process: subprocess.Popen, text: str) -> str:
-    assert process.stdout is not None
+@pytest.fixture
+def start(command: Start) -> Start:
+    """Starts a run of the fake learner."""
+
+    def begin(folder: Path, frames: str, pretrained: str = "", **delays: str) -> Command:
+        flags = ["--config", "fake", "--run.folder", str(folder), "--pretrained", pretrained, "--frames", frames]
+        return command(*flags, "--run.progress", "True", **delays)
+
+    return begin
+
+
+@pytest.fixture
+def go_on(command: Start) -> Start:
+    """Resumes a run."""
+    return lambda run, **delays: command("--resume", str(run), **delays)
+
+
+def read_until(process: Command, text: str) -> str:
     seen = ""
     while text not in seen:
         character = process.stdout.read(1)
@@ -47,8 +55,8 @@ def read_until(process: subprocess.Popen, text: str) -> str:
     return seen
 
 
-def finish(process: subprocess.Popen) -> str:
-    output, _ = process.communicate(timeout=60)
+def finish(process: Command) -> str:
+    output = process.rest()
     assert "Traceback" not in output, output
     return output
 
@@ -58,7 +66,7 @@ def iterations(folder: Path) -> int:
     return len(metrics.read_text().splitlines()) - 1
 
 
-def test_stop_during_training_saves_and_resumes_and_during_evaluation_keeps_the_training(tmp_path, train):
+def test_stop_during_training_saves_and_resumes_and_during_evaluation_keeps_the_training(tmp_path, start, go_on, train):
     process = start(tmp_path, "1500", FAKE_SECONDS="0.2")
     read_until(process, "training:")
     time.sleep(0.5)
@@ -81,7 +89,9 @@ def test_stop_during_training_saves_and_resumes_and_during_evaluation_keeps_the_
     assert (run / "metrics.csv").read_bytes() == (whole / "metrics.csv").read_bytes()
 
 
-def test_stop_during_automatic_pretraining_gives_one_hint_which_works(tmp_path, resume, read_json, monkeypatch):
+def test_stop_during_automatic_pretraining_gives_one_hint_which_works(
+    tmp_path, start, go_on, resume, read_json, monkeypatch
+):
     """Before it compiles, and after it has been resumed and is at work."""
     monkeypatch.setattr(pretraining, "SCHEDULE", PRETRAINING)
     process = start(tmp_path, "300", pretrained="auto", FAKE_SECONDS="0.05")
@@ -94,7 +104,7 @@ def test_stop_during_automatic_pretraining_gives_one_hint_which_works(tmp_path, 
     assert read_json(run / "pretraining" / "status.json")["state"] == "finished"
 
 
-def stop_in_pretraining(process: subprocess.Popen, base: Path, moment: str) -> None:
+def stop_in_pretraining(process: Command, base: Path, moment: str) -> None:
     seen = read_until(process, moment)
     process.send_signal(signal.SIGINT)
     output = seen + finish(process)
@@ -104,7 +114,7 @@ def stop_in_pretraining(process: subprocess.Popen, base: Path, moment: str) -> N
     assert output.count("--resume") == 1 and f"continue with --resume {run}\n" in output
 
 
-def test_stop_while_preparing_writes_nothing(tmp_path):
+def test_stop_while_preparing_writes_nothing(tmp_path, start):
     process = start(tmp_path, "4000", FAKE_COMPILE_SECONDS="20")
     read_until(process, "building")
     process.send_signal(signal.SIGINT)
