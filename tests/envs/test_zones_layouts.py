@@ -71,7 +71,7 @@ def test_every_seed_has_maps_of_its_own_and_evaluation_others():
 
 @pytest.mark.slow
 def test_resets_reach_the_whole_pool(random_env):
-    states = jax.vmap(random_env.reset)(jax.random.split(jax.random.key(0), 5000)).pipeline_state
+    states = jax.jit(jax.vmap(random_env.reset))(jax.random.split(jax.random.key(0), 5000)).pipeline_state
     starts = np.unique(np.asarray(states.qpos[:, :2]), axis=0)
     assert len(starts) == 500
     heading = np.asarray(states.qpos[:, 2])

@@ -79,7 +79,7 @@ def test_labels_include_the_boundary(closed_form_env, direction):
 def test_at_most_one_label_anywhere(closed_form_env):
     xs = jnp.linspace(-2.4, 2.4, 241)
     grid = jnp.stack([*jnp.meshgrid(xs, xs), jnp.zeros((241, 241))], axis=-1).reshape(-1, 3)
-    labels = jax.vmap(lambda q: closed_form_env.labels(closed_form_env.reset_to(q, jnp.zeros(3))))(grid)
+    labels = jax.jit(jax.vmap(lambda q: closed_form_env.labels(closed_form_env.reset_to(q, jnp.zeros(3)))))(grid)
     counts = np.asarray(labels.sum(axis=1))
     assert closed_form_env.alphabet == "at_most_one" and set(counts) == {0, 1}
     np.testing.assert_allclose(counts.mean() * 4.8**2, 11 * np.pi * 0.25**2, rtol=0.02)

@@ -115,16 +115,15 @@ def test_episodes_are_counted_by_the_pool_that_they_began_in():
     task_env = TaskEnv(env, old, random_starts=0.2)
     player = Player(lambda carry, state, key: (jax.random.randint(key, state.done.shape, 0, 4), carry, ()))
 
+    @jax.jit
     def play(before, table, key):
         def keep(step):
             return task_totals(step, table), step.turn, step.task, step.totals
 
-        return jax.jit(
-            lambda before: unroll(task_env, TaskParams((), table), player, before, (), key, 4, 5, 0.9, keep)
-        )(before)
+        return unroll(task_env, TaskParams((), table), player, before, (), key, 4, 5, 0.9, keep)
 
     tables = [in_turns(old, None, 0), in_turns(new, old, 1)]
-    start = begin(task_env, TaskParams((), tables[0]), jax.random.key(0), 300, 5)
+    start = jax.jit(lambda key: begin(task_env, TaskParams((), tables[0]), key, 300, 5))(jax.random.key(0))
     middle, _, (first, *_) = play(start, tables[0], jax.random.key(1))
     assert not first.episodes[:, 1].any()
     _, _, (totals, turn, task, ended) = play(middle, tables[1], jax.random.key(2))

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import re
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -73,10 +74,12 @@ def run_it(**changes):
     )
 
 
-def run_fake(callbacks):
+def run_fake(callbacks=(), **changes):
     """As many iterations of a learner that compiles in an instant, for what does not depend on the learner."""
     nothing = SelectionConfig(points=0)  # its actions are not those of the environment
-    return t2tl_jax.train(ProbeEnv(), TASK, FakeConfig(), seeds=2, frames=300, callbacks=callbacks, selection=nothing)
+    return t2tl_jax.train(
+        ProbeEnv(), TASK, FakeConfig(), seeds=2, frames=300, callbacks=callbacks, selection=nothing, **changes
+    )
 
 
 @pytest.fixture(scope="module")
@@ -153,12 +156,13 @@ def test_evaluation_of_result_and_folder_agree(run):
 
 
 @pytest.mark.slow
-def test_without_a_folder_nothing_is_written_or_printed(run, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    result = run_it()
+def test_without_a_folder_nothing_is_written_or_printed(tmp_path, monkeypatch, capsys):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    result = run_fake()
     assert capsys.readouterr() == ("", "")
-    assert not list(tmp_path.iterdir()) and result.folder is None
-    jax.tree.map(np.testing.assert_array_equal, result.params, run[0].params)
+    assert not list(Path.cwd().iterdir()) and result.folder is None
+    jax.tree.map(np.testing.assert_array_equal, result.params, run_fake(folder=tmp_path / "run").params)
 
 
 def test_a_configuration_does_not_hold_an_environment_object(run):

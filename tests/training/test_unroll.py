@@ -139,19 +139,23 @@ def test_totals_are_sums_over_finished_episodes(env):
         return carry + ended
 
     params = env.make_params(0)
-    episodes = begin(env, params, jax.random.key(0), 4, 10)
-    _, ends, (obs, totals) = unroll(
-        env,
-        params,
-        Player(act, observe),
-        episodes,
-        jnp.zeros(4),
-        jax.random.key(1),
-        10,
-        10,
-        DISCOUNT,
-        keep=lambda step: (step.obs, step.totals),
-    )
+
+    @jax.jit
+    def play_all(key):
+        return unroll(
+            env,
+            params,
+            Player(act, observe),
+            begin(env, params, key, 4, 10),
+            jnp.zeros(4),
+            key,
+            10,
+            10,
+            DISCOUNT,
+            keep=lambda step: (step.obs, step.totals),
+        )
+
+    _, ends, (obs, totals) = play_all(jax.random.key(0))
     totals = summed(totals)
     assert obs.shape == (10, 4, 3) and ends.tolist() == [5] * 4
     assert totals.episodes == totals.successes == 4 * 5  # two steps each
@@ -159,9 +163,12 @@ def test_totals_are_sums_over_finished_episodes(env):
 
 
 def test_first_episodes_can_be_staggered(env):
-    limits = begin(env, env.make_params(0), jax.random.key(0), 100, 10, staggered=True).limit
-    assert set(limits.tolist()) == set(range(1, 11))
-    assert (begin(env, env.make_params(0), jax.random.key(0), 100, 10).limit == 10).all()
+    @jax.jit
+    def limits(key):
+        return [begin(env, env.make_params(0), key, 100, 10, staggered).limit for staggered in (True, False)]
+
+    staggered, equal = limits(jax.random.key(0))
+    assert set(staggered.tolist()) == set(range(1, 11)) and (equal == 10).all()
 
 
 def test_tasks_take_turns_and_have_scores_of_their_own():
