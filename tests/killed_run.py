@@ -11,9 +11,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import tensorboardX  # noqa: F401, which every run loads, as the next two
 from orbax.checkpoint import StandardCheckpointHandler as StandardHandler
 
 import t2tl_jax
+import t2tl_jax.evaluation.report
+import t2tl_jax.runs.train
 import tests.fake_learner  # noqa: F401
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs.checkpoints import Checkpoints

@@ -19,9 +19,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import tensorboardX  # noqa: F401, which every run loads, as the next two
 
 import experiments.run
 import t2tl_jax
+import t2tl_jax.evaluation.report
+import t2tl_jax.runs.train
 import tests.fake_learner  # noqa: F401
 from experiments.cli import hosts
 from t2tl_jax.ltl import compile_tasks

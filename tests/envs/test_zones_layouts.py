@@ -91,7 +91,7 @@ def test_random_reset_shows_its_own_map(random_env):
 @pytest.mark.slow
 def test_impossible_layouts_fail_clearly():
     with pytest.raises(ValueError, match="40 zones cannot be placed"):
-        ZoneEnv(ZoneConfig(physics="closed_form", layout="random", colours="J" * 40, pool_size=10))
+        ZoneEnv(ZoneConfig(physics="closed_form", layout="random", colours="J" * 40, pool_size=512))
 
 
 def test_overlapping_zones_fail_clearly():

@@ -1,5 +1,7 @@
 """The episode loop: what a step hands out before the reset, what an episode counts as, and whose tasks come next."""
 
+from functools import cache
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,20 +25,24 @@ def env():
     return task_env()
 
 
+@cache
+def program(env, limit, turn):
+    """One for all scripts of a length."""
+
+    @jax.jit
+    def run(params, script):
+        episodes = jax.tree.map(lambda x: x[turn:], begin(env, params, jax.random.key(0), turn + 1, limit))
+        player = Player(lambda carry, state, key: (script[carry], carry + 1, ()))
+        given = (env, params, player, episodes, 0, jax.random.key(1), len(script), limit, DISCOUNT)
+        return unroll(*given, keep=lambda step: step)
+
+    return run
+
+
 def play(env, actions, limit, turn=0):
     """Where one environment stands after a scripted sequence of actions, and its steps with leading axis [T]."""
     script = jnp.asarray(actions)[:, None]
-
-    def act(carry, state, key):
-        return script[carry], carry + 1, ()
-
-    @jax.jit
-    def run(params):
-        episodes = jax.tree.map(lambda x: x[turn:], begin(env, params, jax.random.key(0), turn + 1, limit))
-        given = (env, params, Player(act), episodes, 0, jax.random.key(1), len(script), limit, DISCOUNT)
-        return unroll(*given, keep=lambda step: step)
-
-    episodes, carry, steps = run(env.make_params(0))
+    episodes, carry, steps = program(env, limit, turn)(env.make_params(0), script)
     assert carry == len(script)  # carried from step to step, over the ends of episodes
     return jax.tree.map(lambda x: x[0], episodes), jax.tree.map(lambda x: x[:, 0] if x.ndim > 1 else x, steps)
 
