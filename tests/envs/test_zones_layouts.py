@@ -82,8 +82,10 @@ def test_resets_reach_the_whole_pool(random_env):
 
 
 def test_random_reset_shows_its_own_map(random_env):
-    state = random_env.reset(jax.random.key(7))
-    same = random_env.reset_to(state.pipeline_state.qpos, state.pipeline_state.qvel, state.pipeline_state.zones)
+    state = jax.jit(random_env.reset)(jax.random.key(7))
+    same = jax.jit(random_env.reset_to)(
+        state.pipeline_state.qpos, state.pipeline_state.qvel, state.pipeline_state.zones
+    )
     np.testing.assert_allclose(state.obs, same.obs, atol=1e-6)
     assert state.obs.shape == (76,) and random_env.propositions == ("Black", "White", "Red", "Yellow")
 
