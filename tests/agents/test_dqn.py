@@ -23,11 +23,11 @@ from tests.probe import DiscreteProbeEnv
 
 NETWORK = QNetworkConfig(
     task_encoder=TRANSFORMER,
-    state_layers=(16,),
+    state_layers=(),
     task_layer=32,
 )
 ONE_HOT = dataclasses.replace(NETWORK, task_encoder=OneHotConfig())  # compiles faster where the encoder does not matter
-SMALL = dataclasses.replace(ONE_HOT, head="bilinear", state_layers=(), dueling=False)  # where the head does not, either
+SMALL = dataclasses.replace(ONE_HOT, head="bilinear", dueling=False)  # where the head does not, either
 DQN = DQNConfig(
     num_envs=8,
     unroll_length=25,
@@ -212,7 +212,7 @@ def test_probe_is_solved(env, head, request):
     if head == "film":
         agent, init, iterate, given = request.getfixturevalue("reader")
     else:
-        network = dataclasses.replace(ONE_HOT, head=head, state_layers=())
+        network = dataclasses.replace(ONE_HOT, head=head)
         agent, init, iterate, given = compiled(env, network, start=begun_quickly)
     state = init(jax.random.key(0), given())
     for _ in range(ITERATIONS):

@@ -72,12 +72,14 @@ def successes_of(env: TaskEnv, agent) -> Callable[[Any], jax.Array]:
     """The share of episodes in which the deterministic policy carries out the task in three steps, by parameters."""
 
     def play(params: Any, key: jax.Array) -> jax.Array:
-        codes, state = agent.embed(params, env.table), env.reset(key)
-        for _ in range(3):
+        codes = agent.embed(params, env.table)
+
+        def step(_: Any, state: State) -> State:
             action = agent.act(params, codes, (), state.obs, env.row(state), key, True)
             after = env.step(state, action)
-            state = jax.tree.map(partial(jnp.where, state.done > 0), state, after)
-        return env.verdict(state) > 0
+            return jax.tree.map(partial(jnp.where, state.done > 0), state, after)
+
+        return env.verdict(jax.lax.fori_loop(0, 3, step, env.reset(key))) > 0
 
     keys = jax.random.split(jax.random.key(7), 32)
     return jax.jit(lambda params: jax.vmap(partial(play, params))(keys).mean())

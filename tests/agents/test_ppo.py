@@ -24,7 +24,7 @@ NETWORK = NetworkConfig(
     task_encoder=TRANSFORMER,
     env_layers=(16,),
     actor_layers=(16,),
-    critic_layers=(16,),
+    critic_layers=(),
 )
 OTHERS = {"one_hot": OneHotConfig(), "rgcn": GRAPH, "gru": GRU}
 ITERATIONS = 30  # enough for every encoder; most need 20
