@@ -22,6 +22,9 @@ from t2tl_jax.registry import named_config
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.metrics_file import MetricsFile
 
+LIMIT = 120
+"""Seconds until a child that hangs is ended: else it would hold the pipes that whoever started all this reads."""
+
 
 def die() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
@@ -70,6 +73,7 @@ def child(folder: Path, patch: Callable[[], None] = nothing) -> int:
     """Begin or go on with a run in a child; its exit status."""
     process = os.fork()
     if process == 0:
+        signal.alarm(LIMIT)
         code = 1
         try:
             patch()

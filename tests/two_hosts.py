@@ -44,6 +44,9 @@ CONFIG = replace(
 DYING = ("--config", "fake", "--seeds", "4", "--frames", "2000", "--run.checkpoint-period", "0")
 """Of the run that loses a process."""
 
+LIMIT = 400
+"""Seconds until a child that hangs is ended, as nobody else would."""
+
 
 def environments_of_one_seed(over: int) -> list[np.ndarray]:
     """What a little learner with one seed comes to, its environments spread over so many devices.
@@ -117,6 +120,7 @@ def child(name: str, folder: Path, devices: int, function: Callable[..., int | N
     """A process of its own for a function; its id."""
     if pid := os.fork():
         return pid
+    signal.alarm(LIMIT)
     log = os.open(folder / f"{name}.log", os.O_WRONLY | os.O_CREAT)
     os.dup2(log, 1)
     os.dup2(log, 2)
