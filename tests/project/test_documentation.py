@@ -33,7 +33,7 @@ def pages(wanted):
 @pytest.mark.slow
 def test_pages_are_those_of_the_stored_results(pages):
     """Written anew by ``python -m experiments.reproduce --report True``."""
-    names = ("results", "zeroshot", "methods", "speed", "performance")
+    names = ("results", "zeroshot", "methods", "speed", "performance", "usage")
     assert set(pages) == {f"docs/{name}.md" for name in names} | {"README.md"}
     for name, text in pages.items():
         assert (ROOT / name).read_text(encoding="utf-8") == text, f"{name} is not what results/ says"
