@@ -56,7 +56,7 @@ def of_rows(steps: Steps, verdict: np.ndarray, rows: Iterable[int]) -> list[Lang
     return found
 
 
-@lru_cache(maxsize=2**15)  # the same rows come again and again, in tasks of one family
+@lru_cache(maxsize=2**13)  # the same rows come again and again, in tasks of one family
 def _of_language(language: Language, letters: int, alphabet: str, most: int) -> Language:
     """Of a row, from its language by whole letters; `most` as `MAX_ORDERS`."""
     ends, *following = np.frombuffer(language, "<i4").reshape(-1, 1 + letters).T
