@@ -33,15 +33,17 @@ def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[...,
     Raises:
         NotImplementedError: for anything else.
     """
-    closed, shape = jax.make_jaxpr(function, return_shape=True)(*examples)
     numbers = Numbers()
-    given = [_given(numbers, aval) for aval in closed.in_avals]
-    try:
-        results = [singles(numbers, x) for x in _evaluate(numbers, closed, given)]
-    except NotImplementedError:
-        raise
-    except Exception as error:  # another version of JAX may have other parameters, or arrays of other ranks
-        raise NotImplementedError(f"a rule does not fit: {type(error).__name__}: {error}") from error
+    # A program that is traced meanwhile may be for several devices; single numbers are spread over none.
+    with jax.sharding.use_abstract_mesh(jax.sharding.AbstractMesh((), ())):
+        closed, shape = jax.make_jaxpr(function, return_shape=True)(*examples)
+        given = [_given(numbers, aval) for aval in closed.in_avals]
+        try:
+            results = [singles(numbers, x) for x in _evaluate(numbers, closed, given)]
+        except NotImplementedError:
+            raise
+        except Exception as error:  # another version of JAX may have other parameters, or arrays of other ranks
+            raise NotImplementedError(f"a rule does not fit: {type(error).__name__}: {error}") from error
     steps = _needed(numbers.made, results)
     dtypes, tree = [x.dtype for x in jax.tree.leaves(shape)], jax.tree.structure(shape)
 

@@ -86,6 +86,18 @@ def test_a_rule_that_does_not_fit_is_a_refusal_too(monkeypatch):
         straight_line(lambda v: jax.lax.scan(lambda c, x: (c + x, c), v.sum(), v), VECTOR)
 
 
+def test_a_program_for_several_devices_holds_the_same_arithmetic():
+    """JAX then places every array that is put together, for which there is no rule and need be none."""
+
+    def put_together(v):
+        return jnp.zeros(6).at[jnp.array([2, 0, 1])].add(v)
+
+    alone = operations(straight_line(put_together, VECTOR), jnp.ones(3))
+    with jax.set_mesh(jax.sharding.Mesh(np.array(jax.devices()), ("seeds",))):
+        assert "reshard" in str(jax.make_jaxpr(put_together)(jnp.ones(3)))
+        assert operations(straight_line(put_together, VECTOR), jnp.ones(3)) == alone
+
+
 @pytest.mark.slow
 def test_mujoco_in_a_straight_line_moves_the_robot_as_mjx_does():
     point, rng, count = MjxPoint(), np.random.default_rng(0), 512
