@@ -56,6 +56,7 @@ def gradient_of_ppo(context):
     return flops(jax.grad(loss, argnums=(0, 1)), params, of(16), batch) / SAMPLES
 
 
+@pytest.mark.slow
 def test_arithmetic_of_a_gradient_step_of_ppo():
     t1tl, t2tl = gradient_of_ppo(None), gradient_of_ppo(ContextConfig())
     assert 200_000 < t1tl < 235_000
@@ -112,6 +113,7 @@ def dqn(context):
     return make_dqn, DQNConfig(network=network, num_envs=4, batch_size=16, buffer_size=64), MarkedDiscreteProbe()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("learner", "context", "most", "products"),
     [

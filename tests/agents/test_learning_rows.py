@@ -89,6 +89,7 @@ def test_rows_are_drawn_from_all_that_are_open_and_the_played_one_is_first_as_lo
         assert np.abs(counts[is_open] - expected).max() < 5 * np.sqrt(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("head", "changes"), [("film", {}), ("bilinear", {"printed_argmax": True, "double": False})])
 def test_drawn_rows_have_the_targets_of_all_rows(head, changes):
     """With every open row once for each transition, loss and gradients are those of learning all rows; so drawn

@@ -78,6 +78,7 @@ WALKER = Agent(None, None, embed, act, 1, value=value)
 TRAP = "F a | F(b & F c)"
 
 
+@pytest.mark.slow
 def test_a_longer_way_is_taken_where_it_is_the_nearer_one():
     """One letter nine steps away, or two letters two steps away: the shortest way counts letters, the critic steps."""
     env = TaskEnv(Line(), compile_tasks([TRAP], Line.propositions, Line.alphabet))
@@ -108,6 +109,7 @@ def test_a_choice_stands_until_another_way_is_worth_more_by_the_margin_or_the_ro
     assert int(decide({}, ahead, kept, jnp.array([-1.0]), after_b).way) in ahead.whose[after_b].tolist()
 
 
+@pytest.mark.slow
 def test_of_one_way_the_policy_acts_bit_for_bit_and_of_several_as_under_the_best():
     """A policy with memory; what it remembers is the same for all ways."""
     config = NetworkConfig(

@@ -41,6 +41,7 @@ def rows(m, v):
     return (jacobian.T * active) @ jacobian, long[7], jnp.square(long).max(), jnp.where(active, long, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("function", [moved, factored, chosen, rows], ids=lambda function: function.__name__)
 def test_numbers_are_those_of_the_function_batched_or_not(function):
     same, rng = straight_line(function, MATRIX, VECTOR), np.random.default_rng(0)

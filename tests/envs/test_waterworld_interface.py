@@ -89,6 +89,7 @@ def test_vmap_equals_loop_through_a_scan(env):
     assert not last.reward.any() and not last.done.any()
 
 
+@pytest.mark.slow
 def test_actions_of_any_integer_kind(env):
     state = env.reset(jax.random.key(0))
     up = env.step(state, jnp.int32(1))

@@ -62,6 +62,7 @@ def test_one_substep_agrees(pair, request):
     np.testing.assert_allclose(ours[2], reference[2], rtol=0, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_ten_substeps_are_one_environment_step(closed_form_env, closed_form_point):
     state = closed_form_env.reset(jax.random.key(0))
     action = jnp.array([0.3, 0.9])

@@ -42,6 +42,7 @@ def env() -> TaskEnv:
     return TaskEnv(counting, compile_tasks(["!Down U Up"], counting.propositions, counting.alphabet))
 
 
+@pytest.mark.slow
 def test_every_evaluated_episode_has_a_carry_of_its_own(env):
     episodes = play(env, COUNTING, {}, env.make_params(0), jax.random.key(0), 4, 10, 0.5, True)
     assert episodes.success.all() and (episodes.length == 3).all()

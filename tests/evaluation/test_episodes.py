@@ -63,6 +63,7 @@ def played(env) -> Episodes:
     return jax.device_get(played)
 
 
+@pytest.mark.slow
 def test_rates_are_those_of_the_environment(played):
     report = summarise(played, (0, 4))
     for seed in report.seeds:

@@ -36,6 +36,7 @@ def test_t_interval_by_hand():
     assert mean([]).value is None
 
 
+@pytest.mark.slow
 def test_t_interval_covers_the_truth_as_often_as_it_says():
     rng = np.random.default_rng(0)
     hits = sum(e.low < 0 < e.high for e in (mean(rng.normal(size=6)) for _ in range(2000)))

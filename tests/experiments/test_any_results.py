@@ -53,6 +53,7 @@ def result(tmp_path_factory, run):
     return done
 
 
+@pytest.mark.slow
 def test_what_was_played_is_stored_by_seed_and_is_not_played_again(run, result):
     assert tested.is_complete(run, "smoke", result.folder) and not tested.is_complete(run, "full", result.folder)
     found = tested.read(result.folder)
@@ -178,6 +179,7 @@ def test_a_code_of_names_tells_rows_apart_and_is_the_same_in_every_table():
     assert not np.array_equal(first[int(one.initial_row[0])], second[int(two.initial_row[0])])
 
 
+@pytest.mark.slow
 def test_every_run_can_draw_its_tasks():
     """Pre-trainings too: a mixture is drawn from until each of its families was."""
     for name, run in all_runs().items():

@@ -85,6 +85,7 @@ def test_mistakes_are_answered_before_anything_is_timed(flags, said, capsys):
     assert printed.err.startswith("error: ") and said in printed.err and "##" not in printed.out
 
 
+@pytest.mark.slow
 def test_every_part_is_timed(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(env, "PHYSICS", {"letterworld": ("grid",)})
     monkeypatch.setattr(benchmark, "TASKS", ("phi_zone",))

@@ -103,6 +103,7 @@ def shown(text):
     return said(show_task, text, "--max-rows", "2000")
 
 
+@pytest.mark.slow
 @given(edited(FORMULAS) | st.text(max_size=40) | st.lists(st.sampled_from(PIECES), max_size=25).map(" ".join))
 @examples(230)
 def test_formulas(text):
@@ -197,6 +198,7 @@ VALUES = [
 ]
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.sampled_from(FLAGS), st.sampled_from(VALUES)), min_size=1, max_size=3))
 @examples(60)
 def test_overrides(pairs):
@@ -239,6 +241,7 @@ def spoil(folder, number, kind, share, byte):
     file.write_bytes({"cut": content[:at], "flip": flipped, "empty": b"", "text": b'{"a": [1, 2'}[kind])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["resume", "evaluate"])
 def test_run_folders(finished_run, command):
     @given(damage())

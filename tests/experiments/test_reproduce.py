@@ -291,6 +291,7 @@ def test_a_frozen_encoder_is_found_again_whatever_its_pretraining_is_called(runs
     assert not work.is_done(run, scale, tmp_path / "run")  # not trained, but the same
 
 
+@pytest.mark.slow
 def test_the_command_lists_items_and_refuses_what_it_does_not_know(capsys):
     assert reproduce.main(["--list", "--only", "fig-zone,tables-steps"]) == 0
     assert "steps-5-2-size-2.5-gnn" in capsys.readouterr().out

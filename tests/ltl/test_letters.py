@@ -139,6 +139,7 @@ def test_the_best_letter_is_the_first_of_the_best(in_parts):
         np.testing.assert_array_equal(best_outcome(value), expected)
 
 
+@pytest.mark.slow
 def test_tables_in_parts_are_padded_stacked_and_drawn_as_others(in_parts):
     automaton = build(["F(a & F(b & c)) & F d", "!d U (e & f)"], ABCDEF)
     whole, pool = padded(automaton, 64, 32), draw(0)

@@ -142,6 +142,7 @@ def test_the_check_notices(module, statement, forbidden):
     assert bool(forbidden_imports(module, imported(ast.parse(statement)))) == forbidden
 
 
+@pytest.mark.slow
 def test_no_code_comes_from_data():
     for path in FILES:
         tree = ast.parse(path.read_text(encoding="utf-8"))

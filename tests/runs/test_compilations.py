@@ -24,6 +24,7 @@ def compiled():
     listening[0] = False  # JAX has no public way to take a listener back
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", ["3", "3,5,8"])
 def test_a_training_compiles_one_program_and_one_more_to_score(compiled, tmp_path, seeds):
     counts = []
