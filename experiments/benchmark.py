@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
 from t2tl_jax.errors import UserError, explained
@@ -71,8 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(texts: Sequence[str]) -> int:
     arguments = parse(Arguments, list(texts), prog="python -m experiments.benchmark", description=Arguments.__doc__)
-    if arguments.json is not None and not arguments.json.absolute().parent.is_dir():
-        raise UserError(f"--json {arguments.json}: there is no folder {arguments.json.parent}; make it first")
+    json_file.check(arguments.json)
     with quiet_imports():
         from experiments.benchmarks import measured
         from t2tl_jax.runs import provenance

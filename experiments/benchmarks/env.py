@@ -10,15 +10,15 @@ Compilation is timed apart.
 
 import dataclasses
 import importlib
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import explained
 from t2tl_jax.flags import parse
 from t2tl_jax.ltl import resolve_task
 from t2tl_jax.quiet import quiet_imports
@@ -84,14 +84,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(texts: list[str]) -> int:
     config = parse(BenchmarkConfig, texts, prog="python -m experiments.benchmarks.env", description=__doc__)
-    if config.json is not None and not config.json.absolute().parent.is_dir():
-        raise UserError(f"--json {config.json}: there is no folder {config.json.parent}; make it first")
-    try:
-        with explained():
-            resolve_task(config.task or TASKS[config.env])  # a mistake is answered before JAX is loaded
-            report(config)
-    except OSError as error:
-        raise UserError(f"cannot write {config.json}: {error.strerror or error}") from error
+    json_file.check(config.json)
+    with explained():
+        resolve_task(config.task or TASKS[config.env])  # a mistake is answered before JAX is loaded
+        report(config)
     return 0
 
 
@@ -155,7 +151,7 @@ def report(config: BenchmarkConfig) -> list[dict[str, Any]]:
     if config.json is not None:
         settings = {**dataclasses.asdict(config), "json": str(config.json)}
         written = {"where": where, "config": settings, "results": results}
-        config.json.write_text(json.dumps(written, indent=2) + "\n")
+        json_file.write(config.json, written)
     return results
 
 

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from experiments.benchmarks import json_file
 from experiments.benchmarks.timing import Costs, Rate
 from t2tl_jax.errors import UserError
 
@@ -62,10 +63,7 @@ def row(part: str, what: str, size: str, unit: str, speed: Rate, costs: Costs | 
 def write(path: Path, where: dict[str, Any], settings: dict[str, Any], rows: Sequence[Row]) -> None:
     """Write the file that `read` reads, with what it was measured on."""
     content = {"version": VERSION, "where": where, "settings": settings, "rows": [asdict(one) for one in rows]}
-    try:
-        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror or error}") from error
+    json_file.write(path, content)
 
 
 def read(path: Path) -> tuple[dict[str, Any], list[Row]]:

@@ -6,7 +6,6 @@ across what is to be avoided. The other formulas are open on every map.
 """
 
 import dataclasses
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,9 +13,9 @@ from typing import Any
 
 import tyro
 
+from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
-from t2tl_jax.errors import UserError
 from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
@@ -54,18 +53,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _main(texts: list[str]) -> int:
     words = ["python", "-m", "experiments.benchmarks.plans", *texts]
     arguments = parse(Arguments, texts, "python -m experiments.benchmarks.plans", Arguments.__doc__)
-    file = arguments.json
-    if file is not None and not file.absolute().parent.is_dir():
-        raise UserError(f"--json {file}: there is no folder {file.parent}; make it first")
+    json_file.check(arguments.json)
     content = measure(arguments)
     print(table(content))
-    if file is not None:
+    if arguments.json is not None:
         from t2tl_jax.runs import provenance
 
-        try:
-            file.write_text(json.dumps({"where": provenance.describe(words), **content}, indent=1) + "\n")
-        except OSError as error:
-            raise UserError(f"cannot write {file}: {error.strerror or error}") from error
+        json_file.write(arguments.json, {"where": provenance.describe(words), **content})
     return 0
 
 

@@ -7,7 +7,6 @@ later, one environment step, where the robot of the original touched a wall mean
 """
 
 import dataclasses
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import explained
 from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
@@ -76,8 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.walls", description=__doc__)
     file = arguments.json
-    if file is not None and not file.absolute().parent.is_dir():
-        raise UserError(f"--json {file}: there is no folder {file.parent}; make it first")
+    json_file.check(file)
     with explained():
         results = measure(arguments)
     if file is not None:
@@ -85,10 +84,7 @@ def _main(texts: list[str]) -> int:
 
         where = provenance.describe(["python", "-m", "experiments.benchmarks.walls", *texts])
         config = {**dataclasses.asdict(arguments), "json": str(file)}
-        try:
-            file.write_text(json.dumps({"where": where, "config": config, "results": results}, indent=2) + "\n")
-        except OSError as error:
-            raise UserError(f"cannot write {file}: {error.strerror or error}") from error
+        json_file.write(file, {"where": where, "config": config, "results": results})
     return 0
 
 

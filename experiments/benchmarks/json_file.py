@@ -1,0 +1,30 @@
+"""The file that ``--json`` names: looked at before anything is measured, and written at the end."""
+
+from pathlib import Path
+from typing import Any
+
+from t2tl_jax.errors import UserError
+
+
+def check(file: Path | None) -> None:
+    """Refuse a file that cannot be written, if one is named.
+
+    Raises:
+        UserError: if its folder is not there.
+    """
+    if file is not None and not file.absolute().parent.is_dir():
+        raise UserError(f"--json {file}: there is no folder {file.parent}; make it first")
+
+
+def write(file: Path, content: Any) -> None:
+    """Write what JSON can hold, whole or not at all.
+
+    Raises:
+        UserError: if that fails.
+    """
+    from t2tl_jax.runs.folder import write_json  # which loads JAX, for which mistakes need not wait
+
+    try:
+        write_json(file, content)
+    except OSError as error:
+        raise UserError(f"cannot write {file}: {error.strerror or error}") from error
