@@ -65,6 +65,7 @@ def test_arithmetic_of_a_gradient_step_of_ppo():
     assert t2tl < 1.12 * gradient_of_ppo(ContextConfig(segment_length=64))
 
 
+@pytest.mark.slow
 def test_arithmetic_of_a_gradient_step_of_dqn():
     """Forward at s, at s' by both networks, and back through s alone, which is twice the arithmetic of forward."""
     network = QNetwork(QNetworkConfig(head="bilinear", task_layer=512), 4)

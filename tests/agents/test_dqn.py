@@ -80,6 +80,7 @@ def reader(env):
     return compiled(env, NETWORK, task_encoder_learning_rate=DQN.learning_rate)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("double", [True, False])
 @pytest.mark.parametrize("printed_argmax", [True, False])
 @pytest.mark.parametrize("timeout_is_terminal", [True, False])
@@ -374,6 +375,7 @@ def test_impossible_settings_are_refused(changes, message):
         dataclasses.replace(DQN, **changes)
 
 
+@pytest.mark.slow
 def test_reward_machine_targets_pay_by_transition():
     """The published t10 pays 1 for any touch in its last state, which ends it: success or not."""
     machines = named_machines("rm_t10_published")

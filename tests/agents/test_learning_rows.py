@@ -57,6 +57,7 @@ def batch_of(table, key, row=None):
     return Marked(obs, action, after, row, shared, jnp.arange(SIZE) % 3 == 0, mark=marks(table)[row])
 
 
+@pytest.mark.slow
 def test_marks_are_those_of_formulas_wherever_they_stand():
     one, longer, joined = pool(0), pool(0, length=20), turns(1)
     for table in (one, longer, joined):
@@ -70,6 +71,7 @@ def test_marks_are_those_of_formulas_wherever_they_stand():
     np.testing.assert_array_equal(marks(joined)[jnp.array(moved)], marks(pool(1))[jnp.array(moved) - 22])
 
 
+@pytest.mark.slow
 def test_rows_are_drawn_from_all_that_are_open_and_the_played_one_is_first_as_long_as_it_is_there():
     old, kept, new = turns(0), turns(1), turns(2)
     batch = batch_of(old, jax.random.key(0))

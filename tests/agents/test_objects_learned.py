@@ -100,6 +100,7 @@ def test_ppo_learns_by_roles_and_then_knows_other_propositions():
     assert successes_of(more, make_ppo(more, PPO, 8, 1))(state.params) == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pooling", ["maximum_mean", "attention"])
 def test_double_dqn_reads_objects_for_every_row(pooling):
     """Traced: shapes and dtypes fit, and an iteration keeps the state's."""

@@ -91,6 +91,7 @@ def test_a_longer_way_is_taken_where_it_is_the_nearer_one():
     assert plan.success.all() and (plan.length == 2).all()
 
 
+@pytest.mark.slow
 def test_a_choice_stands_until_another_way_is_worth_more_by_the_margin_or_the_row_changes():
     """The agent stands between a, and b with c behind it; the values are minus the steps."""
     table = compile_tasks([TRAP], Line.propositions, Line.alphabet)

@@ -37,6 +37,7 @@ def shared(letter, ended=False):
     return Shared(jnp.asarray(letter), jnp.zeros(size), jnp.full(size, ended))
 
 
+@pytest.mark.slow
 def test_potential_and_shaped_rewards_are_the_published_ones(machine):
     """Of t10: V = 0.81, 0.9, 1; to stay pays 0.081, 0.09, 0.1, and any touch in the last state 2."""
     phi = np.asarray(jax.jit(potential, static_argnums=1)(machine, DISCOUNT))

@@ -50,6 +50,7 @@ def test_double_precision_keeps_the_dtypes(env):
         assert describe(state) == describe(after)
 
 
+@pytest.mark.slow
 def test_vmap_equals_loop(closed_form_env):
     """To rounding: on its own or in a batch, XLA may order the arithmetic differently."""
     env = closed_form_env  # of MJX, vmap is its authors' care, and takes half a minute to compile
@@ -67,6 +68,7 @@ def test_vmap_equals_loop(closed_form_env):
         np.testing.assert_allclose(together.obs[i, 12:], alone.obs[12:], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_scan_is_stable_and_deterministic(drive):
     rng = np.random.default_rng(0)
     qpos, actions = rng.uniform(-2, 2, (8, 3)), rng.uniform(-1, 1, (8, 2))
@@ -112,6 +114,7 @@ def test_physics_failure_ends_the_episode(drive, broken):
     np.testing.assert_array_equal(after.pipeline_state.qpos[1], qpos[1])
 
 
+@pytest.mark.slow
 def test_actions_are_clipped_and_cast(closed_form_env):
     state, step = jax.jit(closed_form_env.reset)(jax.random.key(0)), jax.jit(closed_form_env.step)
     ordinary = step(state, jnp.array([1.0, -1.0]))

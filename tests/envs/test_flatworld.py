@@ -110,6 +110,7 @@ def play(env: TaskEnv, act, count: int, limit: int):
     return jax.device_get(run(jax.random.key(0)))
 
 
+@pytest.mark.slow
 def test_leaving_is_reported_apart_from_violation(task_env):
     """Everybody goes right: whoever does not end by a verdict before leaves; nobody runs out of time."""
     played = play(task_env, lambda state, key: jnp.full(len(state.obs), 1), 200, EPISODE_LENGTH)
@@ -166,6 +167,7 @@ def test_bad_configurations_fail_clearly(config, message):
         FlatWorldConfig(**config)
 
 
+@pytest.mark.slow
 def test_letters_are_the_sets_of_colours_that_hold_somewhere():
     world = FlatWorld()
     grid = np.stack(np.meshgrid(*[np.linspace(-2, 2, 401)] * 2), axis=-1).reshape(-1, 2)

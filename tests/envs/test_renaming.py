@@ -72,6 +72,7 @@ def test_under_their_own_names_nothing_changes(water, played):
         np.testing.assert_allclose(np.asarray(shown[4:]).reshape(4, 8), blocks[np.asarray(order)], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_lidars_are_renamed_in_their_own_order():
     """The lidars of ZoneEnv stand in another order than its propositions, in the open arena not side by side."""
     env = ZoneEnv(ZoneConfig(physics="closed_form", arena="open", layout="random", pool_size=2))
@@ -88,6 +89,7 @@ def test_lidars_are_renamed_in_their_own_order():
     np.testing.assert_array_equal(shown[rest], state.obs[rest])
 
 
+@pytest.mark.slow
 def test_a_run_renames_in_training_only():
     learner = PPOConfig(
         network=NetworkConfig(task_encoder=OneHotConfig()), num_envs=2, unroll_length=2, minibatch_size=4

@@ -55,6 +55,7 @@ def stacked(pipeline):
     return positions, velocities
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("config", "number"), WORLDS)
 def test_single_precision_follows_the_reference(config, number):
     actions = actions_of(number)
@@ -73,6 +74,7 @@ def test_single_precision_follows_the_reference(config, number):
         assert labels.any(axis=1).sum() > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("config", "number"), WORLDS)
 def test_double_precision_follows_the_reference(config, number):
     """A step computes in the precision of its state."""

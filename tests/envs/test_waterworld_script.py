@@ -31,6 +31,7 @@ def action(wanted_at, avoided_at, wanted, avoided):
     return int(scripted_action(state.pipeline_state, env.make_params(0), wanted, avoided))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("where", "expected"), [((200, 390), 1), ((390, 200), 2), ((200, 10), 3), ((10, 200), 4)])
 def test_it_goes_to_what_it_wants(where, expected):
     assert action(where, (20, 20), YES, NONE) == expected
@@ -43,6 +44,7 @@ def test_it_does_not_go_through_what_it_avoids():
     assert action((350, 200), (240, 200), NONE, NO) == 4
 
 
+@pytest.mark.slow
 def test_wanted_and_avoided_colours_come_from_the_table(task_env):
     wanted, avoided = (np.asarray(x) for x in colours_of_rows(task_env.table))
     start = int(task_env.table.initial_row[0])

@@ -57,6 +57,7 @@ def driven(request):
     return lambda action: (first, *run(jnp.asarray(action, jnp.float32)))
 
 
+@pytest.mark.slow
 def test_the_published_vector(driven):
     first, states, labels = driven((1, 0))
     np.testing.assert_allclose(first.obs[ORDER["magnetometer"]], [0.1574, -0.4746, 0], atol=PRINTED)
@@ -157,6 +158,7 @@ def published(open_env):
     return TaskEnv(open_env, table), maps
 
 
+@pytest.mark.slow
 def test_the_published_tasks_are_played_on_their_maps(published):
     """Random episodes: each begins as published, and ends by a verdict or beyond the edge, each with its reward."""
     env, maps = published
@@ -198,6 +200,7 @@ def test_the_published_maps_keep_their_distances():
         assert apart.min() >= 0.95 - 1e-6 and np.abs(discs(line)).max() <= 1.95 and np.abs(line["robot"]).max() <= 2.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("config", "colours"), [(OPEN, 4), (OPEN_6, 6), (OPEN_8, 8), (OPEN_10, 10)])
 def test_more_colours(config, colours):
     env = ZoneEnv(replace(config, physics="closed_form", pool_size=4))

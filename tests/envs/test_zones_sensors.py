@@ -44,6 +44,7 @@ def test_observation_order(closed_form_env):
     np.testing.assert_allclose(obs[9:12], [velocity @ along, velocity @ aside, 0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_lidar_blocks_are_in_order_of_letters_and_labels_in_order_of_colours():
     """Stand in the only disc of each colour in turn: its block shows the strongest reading, its label alone is true."""
     env = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", colours="YWRJ", pool_size=1))
@@ -57,6 +58,7 @@ def test_lidar_blocks_are_in_order_of_letters_and_labels_in_order_of_colours():
         np.testing.assert_array_equal(env.labels(state), np.arange(4) == label)
 
 
+@pytest.mark.slow
 def test_other_colours_change_the_sizes():
     env = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", colours="GGMCB", pool_size=4))
     assert env.propositions == ("Blue", "Green", "Cyan", "Magenta")

@@ -44,6 +44,7 @@ def test_original_model_has_the_same_constants(original):
     np.testing.assert_allclose(original.dof_damping, [0.01, 0.01, 0.005])
 
 
+@pytest.mark.slow
 def test_start(env):
     state = env.reset(jax.random.key(0))
     np.testing.assert_allclose(state.pipeline_state.qpos, [0.0, -1.5, 2.0])
@@ -105,6 +106,7 @@ def test_full_thrust_from_rest(drive):
         np.testing.assert_allclose(robot.qpos[steps - 1, 0, 0] + 1.0, distance, rtol=0.005, atol=6e-5)
 
 
+@pytest.mark.slow
 def test_motor_saturates_at_a_twentieth(closed_form_env):
     state = closed_form_env.reset(jax.random.key(0))
     full = closed_form_env.step(state, jnp.array([1.0, 0.0]))

@@ -82,6 +82,7 @@ def test_rates_are_those_of_the_environment(played):
     assert "0 of 2 seeds solve" in table({"final deterministic": report})
 
 
+@pytest.mark.slow
 def test_only_the_first_episode_counts(played):
     flags = np.stack([played.success, played.violation, played.env_termination]).astype(int).sum(0)
     assert set(flags.ravel()) == {0, 1}
@@ -117,6 +118,7 @@ def test_rewards_are_discounted_from_the_first_step():
     assert not (episodes.success | episodes.violation | episodes.env_termination).any()
 
 
+@pytest.mark.slow
 def test_seeds_play_with_their_own_numbers():
     """Where numbers come in with the environment's parameters: the learner's, and the discount factor."""
     probe = ProbeEnv()

@@ -67,6 +67,7 @@ def test_what_was_played_is_stored_by_seed_and_is_not_played_again(run, result):
         np.testing.assert_allclose(np.sum(rates, axis=0), 1.0)
 
 
+@pytest.mark.slow
 def test_a_part_that_fails_leaves_the_others_and_none_is_begun_once_stopped(run, result, monkeypatch, tmp_path):
     def made(run, scale, result, part):
         if part == "bad":
@@ -83,6 +84,7 @@ def test_a_part_that_fails_leaves_the_others_and_none_is_begun_once_stopped(run,
     assert set(tested.read(tmp_path)) == {"one", "two"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", ["time", "signal"])
 def test_a_run_that_is_stopped_while_it_is_tested_is_not_done(run, result, monkeypatch, tmp_path, by):
     """The parts come one after another, and time or a signal comes with the first."""
@@ -109,6 +111,7 @@ def test_a_run_that_is_stopped_while_it_is_tested_is_not_done(run, result, monke
     assert begun == ["one by one"] and list(tested.read(tmp_path)) == begun
 
 
+@pytest.mark.slow
 def test_the_stored_figures_are_those_of_an_evaluation(result):
     report = result.evaluate(tasks=["!Yellow U Black"], episodes=2)["!Yellow U Black"]["sampled"]
     known = tested.read(result.folder)["one by one"]["tasks"]["!Yellow U Black"]["sampled"]
@@ -116,6 +119,7 @@ def test_the_stored_figures_are_those_of_an_evaluation(result):
     assert known["discounted_return"] == pytest.approx([seed.discounted_return.value for seed in report.seeds])
 
 
+@pytest.mark.slow
 def test_stored_tests_are_text_of_few_lines(result):
     text = (result.folder / tested.FILE).read_text(encoding="utf-8")
     assert json.loads(text) == tested.read(result.folder) and len(text.splitlines()) < FEW
@@ -170,6 +174,7 @@ def test_what_training_met_is_counted_in_its_own_pools():
     assert shares["rows"] == {"exactly": len(exactly), "renamed": len(renamed)} and len(renamed) < len(exactly)
 
 
+@pytest.mark.slow
 def test_a_code_of_names_tells_rows_apart_and_is_the_same_in_every_table():
     one, two = (compile_tasks([task], COLOURS, "at_most_one") for task in ("F(Blue & F Green)", "F(Green & F Green)"))
     first, second = (np.asarray(NamesTaskEncoder(NamesConfig()).apply({}, table)) for table in (one, two))

@@ -41,6 +41,7 @@ def test_mistakes_are_explained(flags, said, capsys):
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_run_without_checkpoint_cannot_be_read(run, capsys):
     assert attention.main([str(run(seeds="2"))]) == 2
     assert "no complete checkpoint" in capsys.readouterr().err

@@ -113,6 +113,7 @@ def test_formulas(text):
 MACHINES = [str(named_machines(name)[0]) for name in ("rm_t1", "rm_t5", "rm_t10_published")]
 
 
+@pytest.mark.slow
 @given(edited(MACHINES, [*PIECES, "->", "\n", "state", ":", "1e999", "nan", "-", "# "]))
 @examples(100)
 def test_reward_machines(text):

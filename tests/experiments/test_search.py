@@ -112,6 +112,7 @@ def searched(folder, trials, batch=4, between=lambda search, number: search):
     return found
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_as_if_it_had_never_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(pickle, "loads", lambda *_: pytest.fail("a file was unpickled"))
     whole = searched(tmp_path / "whole", 24)

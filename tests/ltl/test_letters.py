@@ -108,6 +108,7 @@ def everything(table):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "few"), [("one formula", 1), ("some formulas", 150), ("machines", 1), ("one proposition", 1)]
 )

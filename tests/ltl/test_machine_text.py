@@ -57,6 +57,7 @@ def machines(draw):
     return RewardMachine("machine", draw(st.sampled_from(states)), otherwise, draw(REWARD), tuple(transitions))
 
 
+@pytest.mark.slow
 @given(machines())
 def test_text_parses_back_to_an_equal_machine(machine):
     assert parse_machine(str(machine)) == machine

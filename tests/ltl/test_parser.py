@@ -133,6 +133,7 @@ def test_not_co_safe_says_why():
     ["(" * 100_000, "!" * 100_000 + "a", "X " * 5_000 + "a", "(" * 100_000 + "a" + ")" * 100_000, "a & " * 20_000 + "a",
      " <-> ".join("abcdefghijkl" * 3), "a U " * 100_000 + "a"],
 )  # fmt: skip
+@pytest.mark.slow
 def test_huge_formulas_are_refused(text):
     with pytest.raises(TooLargeError, match=r"MAX_(SIZE|DEPTH)"):
         negation_normal_form(parse(text))

@@ -220,6 +220,7 @@ def slow_rows(table, machines, letter):
     return rows, rewards
 
 
+@pytest.mark.slow
 def test_all_rows_at_once_against_a_slow_loop_over_states():
     machines = named_machines("rm_water_published")
     table = compile_reward_machines(machines, ABCDEF)

@@ -33,6 +33,7 @@ def same(a, b):
     jax.tree.map(np.testing.assert_array_equal, a, b)
 
 
+@pytest.mark.slow
 def test_every_row_says_and_becomes_what_it_did_in_its_pool():
     for number in (0, 1, 2):
         joined = table(number)

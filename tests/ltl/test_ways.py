@@ -20,6 +20,7 @@ def made(text, alphabet="at_most_one", most=8):
     return table, longer, np.asarray(whose), dict(zip(NAMES, np.asarray(alone).tolist(), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alphabet", ["at_most_one", "every_subset"])
 def test_a_way_goes_on_with_its_own_letters_fails_as_its_row_does_and_else_stays(alphabet):
     table, longer, whose, letter = made("!e U (a | (b & F c) | (d & F c))", alphabet)
@@ -48,6 +49,7 @@ def test_the_nearest_ways_are_kept():
     assert whose.shape[1] == 2 and list(distance_to_true(longer)[ways]) == [1, 2]
 
 
+@pytest.mark.slow
 def test_to_undo_what_was_done_is_no_way_but_a_longer_one_without_return_is():
     """After a, b takes it back; the second task gives up a for good by b, and then has more to do."""
     table, _, whose, letter = made("F(a & (!b U c)) & F d")

@@ -64,6 +64,7 @@ def coder(config):
     return params, jax.jit(lambda params, window: module.apply(params, window, window.seen))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("context", "parameters"), [(PUBLISHED.context, 261_509), (None, 243_925)])
 def test_published_networks_have_the_published_sizes(context, parameters):
     table = compile_tasks(
@@ -95,6 +96,7 @@ def test_t_fixup_scales_for_the_sizes_before_halving():
     assert "layer_1" not in params["encoder"]
 
 
+@pytest.mark.slow
 def test_windows_hold_the_last_steps_of_the_own_episode():
     """Against a slow loop that keeps a list of steps per environment and throws it away when the episode ends."""
     rng, length, envs = np.random.default_rng(0), 3, 4

@@ -39,6 +39,7 @@ def test_pages_are_those_of_the_stored_results(pages):
         assert (ROOT / name).read_text(encoding="utf-8") == text, f"{name} is not what results/ says"
 
 
+@pytest.mark.slow
 def test_pictures_are_those_of_the_stored_results(wanted, pages):
     """Each PNG holds a digest of the numbers that it shows; its pixels also depend on the version of matplotlib."""
     there = {f"docs/{file.name}": drawn(file) for file in (ROOT / "docs").glob("*.png")}
@@ -76,6 +77,7 @@ def test_other_numbers_make_another_picture_and_another_page(tmp_path):
     assert beside.short_schedule(tmp_path) != said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["t2tl", "t1tl", "t2tl_4"])
 def test_figures_of_the_short_schedule(name, pages):
     """By hand from the metrics: since when success stayed above 95 % in half of the seeds and in all, and the end."""
@@ -92,6 +94,7 @@ def test_figures_of_the_short_schedule(name, pages):
     assert f"| 12/12 | {np.median(since):.2f} M / {max(since):.2f} M | {statistics.mean(ends).text()} |" in row
 
 
+@pytest.mark.slow
 def test_the_table_of_methods_shows_stored_runs_and_dashes_for_others(pages):
     runs = stored.load(RESULTS / "paper")
     for method, cell in (("rm", -2), ("dfa", -2)):

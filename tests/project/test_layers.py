@@ -97,6 +97,7 @@ def forbidden_imports(module: str, modules: set[str]) -> set[str]:
     return {name for name in own - fine if not any(within(other, name) for other in fine)}
 
 
+@pytest.mark.slow
 def test_imports_go_one_way():
     trees = {module_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
     offences = {module: forbidden_imports(module, imported(tree)) for module, tree in trees.items()}

@@ -176,6 +176,7 @@ def test_repeats_of_one_episode_are_no_certificate(fate, monkeypatch):
         fate(10, deterministic=True)
 
 
+@pytest.mark.slow
 def test_the_prompt_plays_without_compiling_again(run):
     """And what it shows first is what the policy does."""
     result, traced = counting(run)

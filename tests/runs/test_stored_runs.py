@@ -145,6 +145,7 @@ def test_each_seed_equals_a_run_of_that_seed_alone(train):
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a[1], b[0], rtol=1e-4, atol=1e-5), many, single)
 
 
+@pytest.mark.slow
 def test_resuming_a_finished_run_says_so(finished, resume, capsys):
     folder = finished
     before = (folder / "metrics.csv").read_bytes()

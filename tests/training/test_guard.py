@@ -57,6 +57,7 @@ def test_the_first_cause_is_named(obs, scalars, fault):
     assert Fault(int(metrics.fault)) is fault and (fault in CAUSES) == (fault is not Fault.NONE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", [NAN, INF, 1e30])
 def test_a_gradient_that_is_not_finite_changes_nothing(bad):
     """Also one whose norm overflows."""

@@ -177,6 +177,7 @@ def test_first_episodes_can_be_staggered(env):
     assert set(staggered.tolist()) == set(range(1, 11)) and (equal == 10).all()
 
 
+@pytest.mark.slow
 def test_tasks_take_turns_and_have_scores_of_their_own():
     env = task_env(["F Up", "F(Up & F Down)"])
     # Up, down, up, down: the second task takes both, the first only one step.

@@ -124,6 +124,7 @@ def assert_equals_derivatives(formula: Formula, automaton: Automaton) -> int:
     return len(pairs)
 
 
+@pytest.mark.slow
 def test_three_hundred_random_formulas_are_exact():
     """Depth up to 8: every reachable row certified by words; where truth tables are feasible, all verdicts compared."""
     rng = random.Random(2023)
