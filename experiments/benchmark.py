@@ -99,7 +99,7 @@ def _main(texts: Sequence[str]) -> int:
         print(measured.against(rows, before))
     print(f"\n## What others say of themselves, on other hardware\n\n{measured.peers()}")
     if arguments.json is not None:
-        settings = {name: str(value) if isinstance(value, Path) else value for name, value in asdict(arguments).items()}
+        settings = {name: value.name if isinstance(value, Path) else value for name, value in asdict(arguments).items()}
         measured.write(arguments.json, where, settings, rows)
         print(f"\nwritten: {arguments.json}")
     return 0

@@ -202,9 +202,43 @@ def short_table(results: Path) -> str:
             "H200",
             f"{spans['T2TL, MJX, 12 seeds']} / {spans['T1TL, MJX, 12 seeds']}",
         ),
+        *trainings(results),
         *largest(benchmarks(results)),
     ]
     return table(("what", "hardware", "figure"), rows)
+
+
+SHORT_TRAININGS = (
+    (
+        "Training, 12 seeds, `zone_ppo_long`: T1TL / T2TL / T1TL in closed form",
+        ("zone_ppo_long:t1tl", "zone_ppo_long:t2tl", "zone_ppo_long:t1tl:closed_form"),
+        "12 seeds",
+    ),
+    ("The same, one seed", ("zone_ppo_long:t1tl", "zone_ppo_long:t2tl", "zone_ppo_long:t1tl:closed_form"), "1 seed"),
+    (
+        "Training, 12 seeds, `waterworld_dqn`: T1TL / T2TL",
+        ("waterworld_dqn:t1tl", "waterworld_dqn:t2tl"),
+        "12 seeds",
+    ),
+)
+"""Rows of the README from what `experiments.benchmark` stored: title, trainings, how many seeds."""
+
+
+def trainings(results: Path) -> list[tuple[str, str, str]]:
+    """Frames/s of whole iterations; a row of which something is not stored is left out."""
+    found: dict[tuple[str, str], tuple[str, str]] = {}
+    for file in sorted(results.glob("benchmark_*.json")):
+        where, rows = measured.read(file)
+        hardware = ", ".join(sorted(set(where["devices"]))).replace("NVIDIA ", "")
+        for row in rows:
+            if row.part == "training":
+                found[row.what, row.size] = (hardware, measured.three_digits(row.rate))
+    shown = []
+    for title, names, size in SHORT_TRAININGS:
+        values = [found[name, size] for name in names if (name, size) in found]
+        if len(values) == len(names) and len({hardware for hardware, _ in values}) == 1:
+            shown.append((title, values[0][0], f"{' / '.join(rate for _, rate in values)} frames/s"))
+    return shown
 
 
 def largest(benchmarked: list[dict[str, Any]]) -> list[tuple[str, str, str]]:

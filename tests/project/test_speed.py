@@ -77,3 +77,20 @@ def test_trainings_are_shown_as_they_were_measured(tmp_path):
     shown = speed.everything(tmp_path)
     assert shown.count("| zone_ppo_long:t2tl | 12 seeds | 1,510,000 frames/s (1,500,000, 1,520,000) |") == 1
     assert "`results/benchmark_x.json`" in shown and "Commits: bbbbbbb. Hardware: NVIDIA H200." in shown
+
+
+def test_the_readme_shows_trainings_that_are_stored_whole(tmp_path):
+    assert speed.trainings(tmp_path) == []
+    where = {"devices": ["NVIDIA H200"], "git_revision": "b" * 40, "packages": {"jax": "0.11.2"}}
+    rows = [
+        measured.Row("training", f"waterworld_dqn:{method}", size, "frames/s", rate, rate, rate)
+        for method, rate in (("t1tl", 1_301_000.0), ("t2tl", 263_400.0))
+        for size in ("1 seed", "12 seeds")
+    ]
+    measured.write(tmp_path / "benchmark_x.json", where, {}, rows[:3])
+    assert speed.trainings(tmp_path) == []  # T2TL's 12 seeds are missing
+    measured.write(tmp_path / "benchmark_y.json", where, {}, rows[3:])
+    ((title, hardware, figure),) = speed.trainings(tmp_path)
+    assert "waterworld_dqn" in title and (hardware, figure) == ("H200", "1,300,000 / 263,000 frames/s")
+    for line in speed.trainings(RESULTS):
+        assert f"| {' | '.join(line)} |" in (ROOT / "README.md").read_text(encoding="utf-8")
