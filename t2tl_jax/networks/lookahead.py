@@ -30,6 +30,9 @@ class LookaheadConfig(TaskEncoderConfig):
     """Steps of the way that are told."""
     farther: bool = False
     """Tell, too, what leads farther from true without failing, such as what a task has to make up for."""
+    avoid_farther: bool = False
+    """Count what leads farther among what fails as well, so that a network that has learned to avoid the one avoids the
+    other before it has met such a task; `farther` still tells them apart. Needs that."""
     letters: tuple[str, ...] = ()
     """What can hold at once, where that is more or less than each proposition by itself: 'Blue & Green' for both and
     nothing else. Only such ways count, and each of these is told of instead of the propositions. Empty for every
@@ -37,6 +40,8 @@ class LookaheadConfig(TaskEncoderConfig):
 
     def __post_init__(self) -> None:
         checks.counts(self, "propositions", "steps")
+        if self.avoid_farther and not self.farther:
+            raise ValueError("avoid_farther=True needs farther=True, which tells apart what fails and what leads farther")
         if len({_holds(letter) for letter in self.letters}) < len(self.letters):
             raise ValueError(f"a letter comes twice in task_encoder.letters={self.letters}")
 
@@ -105,8 +110,8 @@ def _labels(config: LookaheadConfig, table: TaskTable) -> np.ndarray:
 
 class LookaheadTaskEncoder(nn.Module):
     """Per row and for each of some steps along the shortest way to true: per proposition or letter, 1 if it alone makes
-    the row false, 1 if it alone brings the row nearer to true, and perhaps 1 if it brings it farther away; then the
-    distance, in letters.
+    the row false (or, with `avoid_farther`, brings it farther from true), 1 if it alone brings the row nearer to true,
+    and perhaps 1 if it brings it farther away; then the distance, in letters.
 
     The way takes the letter that leads to the least distance, the first of several. Where propositions hold together
     only in pairs, none of them is the one that brings the row nearer. True and false are zeros, and so is every step
@@ -129,7 +134,8 @@ class LookaheadTaskEncoder(nn.Module):
         nears = is_open & (distance[after] < distance[:, None])
         kinds = [fails, nears]
         if config.farther:
-            kinds.append(is_open & ~fails & (distance[after] > distance[:, None]))
+            farther = is_open & ~fails & (distance[after] > distance[:, None])
+            kinds = [fails | farther if config.avoid_farther else fails, nears, farther]
         room = ((0, 0), (0, config.told - len(labels)))
         seen = jnp.stack([jnp.pad(kind, room) for kind in kinds], axis=1)  # [rows, kinds, room]
 

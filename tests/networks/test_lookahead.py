@@ -54,6 +54,8 @@ def slow_code(table: TaskTable, row: int, config: LookaheadConfig) -> list[float
         fails = [float(automaton.verdict[then] < 0) for then in after]
         nears = [float(distance(then) < distance(now)) for then in after]
         farther = [float(distance(then) > distance(now)) * (1 - fail) for then, fail in zip(after, fails, strict=True)]
+        if config.avoid_farther:
+            fails = [fail + far for fail, far in zip(fails, farther, strict=True)]
         return [*fails, *spare, *nears, *spare, *([*farther, *spare] if config.farther else [])]
 
     code, now = [], row
@@ -70,6 +72,7 @@ def slow_code(table: TaskTable, row: int, config: LookaheadConfig) -> list[float
         ("at_most_one", CONFIG),
         ("every_subset", CONFIG),
         ("at_most_one", dataclasses.replace(CONFIG, farther=True)),
+        ("at_most_one", dataclasses.replace(CONFIG, farther=True, avoid_farther=True)),
         ("every_subset", LookaheadConfig(letters=("Green", "Blue & Green", "Yellow", "Magenta"), farther=True)),
     ],
 )
@@ -78,6 +81,20 @@ def test_look_ahead_equals_a_walk_through_the_automaton(alphabet, config):
     code = look(config, table)
     assert code.shape == (table.num_rows, config.code_size)
     np.testing.assert_array_equal(code, [slow_code(table, row, config) for row in range(table.num_rows)])
+
+
+def test_what_leads_farther_can_be_avoided_like_what_fails():
+    """Blue after Green throws F(Green & (!Blue U Yellow)) back to its beginning, and fails nothing."""
+    table = table_of("F(Green & (!Blue U Yellow))")
+    row = int(table.step(table.initial_row[0], table.letter(jnp.array([False, True, False, False])))[0])
+    first = {
+        name: look(dataclasses.replace(CONFIG, **flags), table)[row][: len(table.propositions)].tolist()
+        for name, flags in (("fails", {"farther": True}), ("both", {"farther": True, "avoid_farther": True}))
+    }
+    blue = table.propositions.index("Blue")
+    assert first["fails"] == [0, 0, 0, 0] and first["both"] == [float(i == blue) for i in range(4)]
+    with pytest.raises(ValueError, match="avoid_farther=True needs farther=True"):
+        LookaheadConfig(avoid_farther=True)
 
 
 def test_ways_that_cannot_be_gone_do_not_count():
