@@ -16,6 +16,7 @@ from experiments.reproduction.page import page, paragraph
 from experiments.reproduction.parts import filled
 from experiments.reproduction.pictures import Picture, pictures
 from experiments.reproduction.runs import WATER_METHODS
+from experiments.reproduction.sections.anytask import in_short
 from experiments.reproduction.stored import Stored
 from experiments.tuning import in_words
 
@@ -82,10 +83,12 @@ def documentation(root: Path) -> Documentation:
     lines = {name: picture.markdown() for name, picture in shown.items()}
     items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines)
     whole = f"{items}\n{beside.measurements(results, lines)}"
+    for_any = stored.load(results / "any")
     parts = {
         "README.md": {
             "picture": caption(short),
             "methods": method_table(paper, WATER_METHODS),
+            "any": paragraph(in_short(for_any["any-zones"])),
             "speed": speed.short_table(results),
         },
         "docs/methods.md": {"methods": method_table(paper)},
@@ -98,7 +101,6 @@ def documentation(root: Path) -> Documentation:
         "docs/usage.md": {"plans": beside.plans(results)},
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}
-    for_any = stored.load(results / "any")
     episodes = of_runs(for_any)
     any_lines = {name: picture.markdown() for name, picture in episodes.items()}
     any_page = page(ANY_ITEMS, for_any, smoke=False, head=ANY_HEAD, pictures=any_lines, terms=ANY_TERMS)

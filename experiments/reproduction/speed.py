@@ -214,7 +214,6 @@ SHORT_TRAININGS = (
         ("zone_ppo_long:t1tl", "zone_ppo_long:t2tl", "zone_ppo_long:t1tl:closed_form"),
         "12 seeds",
     ),
-    ("The same, one seed", ("zone_ppo_long:t1tl", "zone_ppo_long:t2tl", "zone_ppo_long:t1tl:closed_form"), "1 seed"),
     (
         "Training, 12 seeds, `waterworld_dqn`: T1TL / T2TL",
         ("waterworld_dqn:t1tl", "waterworld_dqn:t2tl"),

@@ -41,7 +41,7 @@ class LookaheadConfig(TaskEncoderConfig):
     def __post_init__(self) -> None:
         checks.counts(self, "propositions", "steps")
         if self.avoid_farther and not self.farther:
-            raise ValueError("avoid_farther=True needs farther=True, which tells apart what fails and what leads farther")
+            raise ValueError("avoid_farther=True needs farther=True, which tells what leads farther from what fails")
         if len({_holds(letter) for letter in self.letters}) < len(self.letters):
             raise ValueError(f"a letter comes twice in task_encoder.letters={self.letters}")
 

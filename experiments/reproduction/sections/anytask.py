@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.paper.published_any import Published
+from experiments.paper.published_any import ZONES, Published
 from experiments.reproduction.anytask import met, suites, tested
 from experiments.reproduction.cells import COST, cost, share, text
 from experiments.reproduction.claims import differences
@@ -242,6 +242,32 @@ def levels(runs: Mapping[str, Stored]) -> str:
             table(("code", "seeds", *COST), costs),
         )
         if part
+    )
+
+
+def in_short(run: Stored) -> str:
+    """What the README says of one agent for any task, in the open ZoneEnv: the mean over z1 to z6 beside others, the
+    weakest formula of the list, and what it cost."""
+    of = figures(run)
+
+    def over(tasks: Sequence[str], figure: str, digits: int = 3) -> str:
+        return over_tasks(of, tasks, SAMPLED, figure).text(digits)
+
+    beside = ", ".join(
+        f"{method} {np.mean([values[task].success for task in suites.ZONE_Z]):.3f} in "
+        f"{np.mean([values[task].steps or np.nan for task in suites.ZONE_Z]):.4g}"
+        for method, values in ZONES.items()
+        if method in ("GenZ-LTL", "DeepLTL")
+    )
+    every = (*suites.ZONE_Z, *suites.ZONE_HARD)
+    rates = {task: float(np.nanmean(of[task][SAMPLED]["success_rate"])) for task in every}
+    weakest = min(rates, key=rates.__getitem__)
+    return (
+        f"*One agent in the open ZoneEnv, four formulas and a map that it was not trained on. On others' formulas z1 "
+        f"to z6 success is {over(suites.ZONE_Z, 'success_rate')} in {over(suites.ZONE_Z, 'success_length', 0)} steps "
+        f"({beside}: theirs, trained and measured otherwise); of nine harder ones the weakest is {weakest} with "
+        f"{rates[weakest]:.3f}. {len(run.seeds)} seeds trained side by side in {run.train_seconds:.0f} s, after "
+        f"{run.compile_seconds:.0f} s of compiling, on an H200 that other trainings shared.*"
     )
 
 
