@@ -2,6 +2,9 @@
 
 Progression, environments with random actions, and whole trainings, each compiled, warmed up and timed several times.
 Prints the tables in Markdown. On a GPU nothing else should run on it meanwhile.
+
+Environments and trainings use all devices that JAX sees, trainings as a run of theirs does. CUDA_VISIBLE_DEVICES=0
+measures on one GPU of several; on a CPU, JAX_NUM_CPU_DEVICES says how many there are (one, and in a run every core).
 """
 
 import sys
@@ -13,7 +16,7 @@ from typing import Any, Literal
 from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import explained
 from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
@@ -40,9 +43,14 @@ class Arguments:
         "waterworld_dqn:t1tl",
         "waterworld_dqn:t2tl",
     )
-    """Trainings as CONFIG, CONFIG:METHOD or CONFIG:METHOD:PHYSICS."""
+    """Trainings as CONFIG, CONFIG:METHOD, CONFIG:METHOD:PHYSICS or CONFIG:METHOD:PHYSICS:ENVIRONMENTS. With so many
+    environments a minibatch is larger by the same factor."""
     seeds: tuple[int, ...] = (1, 12)
     """How many seeds at once."""
+    one_seed: tuple[str, ...] = ()
+    """More trainings, which are timed with one seed only."""
+    devices_per_seed: int = 0
+    """The most devices for one seed, as of a run; 0 for one on a GPU, and as many as there are on a CPU."""
     num_envs: tuple[int, ...] = (8192, 65536)
     """Batches of the environments."""
     rows: int = 65536
@@ -58,6 +66,7 @@ class Arguments:
 
     def __post_init__(self) -> None:
         checks.counts(self, "rows", "steps", "repeats")
+        checks.counts(self, "devices_per_seed", least=0)
         for name in ("parts", "seeds", "num_envs"):
             if not getattr(self, name):
                 raise ValueError(f"{name} needs one value or more")
@@ -79,7 +88,7 @@ def _main(texts: Sequence[str]) -> int:
 
     earlier = None if arguments.against is None else measured.read(arguments.against)
     with explained():
-        trainings = [(text, training(text)) for text in arguments.trainings]
+        trainings = _trainings(arguments)
     where, rows = provenance.describe(), []
     devices = f"{len(where['devices'])} x {where['devices'][0]}"
     print(f"{devices}, jax {where['packages']['jax']}; {arguments.repeats} calls each")
@@ -93,9 +102,8 @@ def _main(texts: Sequence[str]) -> int:
         rows += new
     if earlier is not None:
         there, before = earlier
-        print(
-            f"\n## Against {arguments.against} ({there['devices'][0]}, commit {(there['git_revision'] or '-')[:7]})\n"
-        )
+        devices = f"{len(there['devices'])} x {there['devices'][0]}"
+        print(f"\n## Against {arguments.against} ({devices}, commit {(there['git_revision'] or '-')[:7]})\n")
         print(measured.against(rows, before))
     print(f"\n## What others say of themselves, on other hardware\n\n{measured.peers()}")
     if arguments.json is not None:
@@ -105,29 +113,32 @@ def _main(texts: Sequence[str]) -> int:
     return 0
 
 
-def training(text: str) -> Any:
-    """The configuration that CONFIG, CONFIG:METHOD or CONFIG:METHOD:PHYSICS means.
+@dataclass(frozen=True)
+class Timed:
+    """A training that is to be timed."""
 
-    Raises:
-        UserError: for a name that is not known, or an environment that has no choice of physics.
-    """
-    from experiments import configs, methods  # noqa: F401, registers the configurations
-    from t2tl_jax.registry import named_config
-
-    name, method, physics, *more = (*text.split(":"), "", "")
-    if any(more):
-        raise UserError(f"a training is CONFIG, CONFIG:METHOD or CONFIG:METHOD:PHYSICS, got {text!r}")
-    config = named_config(name)
-    if method:
-        config = methods.apply(config, method)
-    if physics:
-        if not hasattr(config.env, "physics"):
-            raise UserError(f"{text}: {type(config.env).__name__} has no choice of physics")
-        config = replace(config, env=replace(config.env, physics=physics))  # type: ignore[call-arg]
-    return config
+    text: str
+    """As it was given."""
+    config: Any
+    """With its seeds, and how many devices each may have."""
+    seeds: int
+    """How many."""
 
 
-def _progression(arguments: Arguments, trainings: Sequence[tuple[str, Any]]) -> Iterator[Any]:
+def _trainings(arguments: Arguments) -> list[Timed]:
+    from experiments.benchmarks.trainings import training
+
+    wanted = [(text, count) for text in arguments.trainings for count in arguments.seeds]
+    wanted += [(text, 1) for text in arguments.one_seed]
+    found = []
+    for text, count in dict.fromkeys(wanted):
+        config = training(text)
+        run = replace(config.run, devices_per_seed=arguments.devices_per_seed)
+        found.append(Timed(text, replace(config, seeds=f"{','.join(map(str, range(count)))},", run=run), count))
+    return found
+
+
+def _progression(arguments: Arguments, trainings: Sequence[Timed]) -> Iterator[Any]:
     from envs.waterworld import COLOURS, LETTERS
     from experiments.benchmarks import measured, progression_speed
     from t2tl_jax.ltl import ZONE_PROPOSITIONS, compile_named
@@ -141,7 +152,7 @@ def _progression(arguments: Arguments, trainings: Sequence[tuple[str, Any]]) -> 
         yield measured.row("progression", task, size, "steps/s", speed, costs)
 
 
-def _environments(arguments: Arguments, trainings: Sequence[tuple[str, Any]]) -> Iterator[Any]:
+def _environments(arguments: Arguments, trainings: Sequence[Timed]) -> Iterator[Any]:
     from experiments.benchmarks import env, env_speed, measured
     from experiments.benchmarks.timing import Costs, Rate
 
@@ -153,22 +164,22 @@ def _environments(arguments: Arguments, trainings: Sequence[tuple[str, Any]]) ->
                 speed = env_speed.measure(world, count, arguments.steps, arguments.repeats, config.episode_length)
                 costs = Costs(0.0, speed.compile_s, None, None, None)
                 rate = Rate(speed.steps_per_s, speed.slowest, speed.fastest)
-                yield measured.row("environments", f"{name}, {physics}", f"{count:,} at once", "steps/s", rate, costs)
+                what, size = f"{name}, {physics}", f"{count:,} at once"
+                yield measured.row("environments", what, size, "steps/s", rate, costs, devices=speed.devices)
 
 
-def _training(arguments: Arguments, trainings: Sequence[tuple[str, Any]]) -> Iterator[Any]:
+def _training(arguments: Arguments, trainings: Sequence[Timed]) -> Iterator[Any]:
     from experiments.benchmarks import measured, training_speed
 
-    for text, config in trainings:
-        for count in arguments.seeds:
-            seeds = "".join(f"{seed}," for seed in range(count))
-            found = training_speed.measure(replace(config, seeds=seeds), arguments.repeats)
-            share = found.iterate.median / found.acting.median
-            size = "1 seed" if count == 1 else f"{count} seeds"
-            yield measured.row("training", text, size, "frames/s", found.iterate, found.costs, acting_share=share)
+    for one in trainings:
+        found = training_speed.measure(one.config, arguments.repeats)
+        share = None if found.acting is None else found.iterate.median / found.acting.median
+        size = "1 seed" if one.seeds == 1 else f"{one.seeds} seeds"
+        more = {"acting_share": share, "devices": found.devices}
+        yield measured.row("training", one.text, size, "frames/s", found.iterate, found.costs, **more)
 
 
-MEASURE: dict[Part, Callable[[Arguments, Sequence[tuple[str, Any]]], Iterator[Any]]] = {
+MEASURE: dict[Part, Callable[[Arguments, Sequence[Timed]], Iterator[Any]]] = {
     "progression": _progression,
     "environments": _environments,
     "training": _training,

@@ -133,7 +133,7 @@ def report(config: BenchmarkConfig) -> list[dict[str, Any]]:
     envs = {physics: make_env(config, physics) for physics in config.physics}
     where = provenance.describe()
     shown = {name: where["packages"][name] for name in ("jax", "mujoco", "mujoco-mjx", "brax")}
-    devices = f"device {len(where['devices'])} x {where['devices'][0]} ({where['backend']}); one is used"
+    devices = f"device {len(where['devices'])} x {where['devices'][0]} ({where['backend']}), which share each batch"
     print(", ".join([devices, f"python {where['python']}", *(f"{name} {value}" for name, value in shown.items())]))
     print(f"{config.env}, layout {config.layout}, task {config.task}")
     print(f"{config.steps} steps per call, {config.repeats} calls")

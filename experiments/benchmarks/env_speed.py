@@ -4,10 +4,12 @@ import itertools
 from dataclasses import dataclass
 
 import jax
+from jax.sharding import NamedSharding, PartitionSpec
 
 from experiments.benchmarks.timing import compiled, rate
 from t2tl_jax.env import State
 from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training.devices import ENVS, seed_sharding
 from t2tl_jax.training.unroll import Episode, Player, begin, unroll
 
 
@@ -23,6 +25,8 @@ class Speed:
     """The same in the slowest repeat."""
     fastest: float
     """The same in the fastest repeat."""
+    devices: int = 1
+    """How many share the environments."""
 
 
 def random_policy(env: TaskEnv) -> Player:
@@ -37,8 +41,24 @@ def random_policy(env: TaskEnv) -> Player:
     return Player(act)
 
 
+def shared_out(num_envs: int) -> NamedSharding | None:
+    """How a batch of environments lies: evenly over as many devices as divide it; None for a single one."""
+    sharding = seed_sharding(1, num_envs, per_seed=jax.device_count())
+    return None if sharding is None else NamedSharding(sharding.mesh, PartitionSpec(ENVS))
+
+
+def begun(
+    env: TaskEnv, env_params: TaskParams, num_envs: int, episode_length: int, over: NamedSharding | None
+) -> Episode:
+    """Episodes under way, with resets that are spread over time; all arrays lead with [num_envs], placed as said."""
+    spread = jax.jit(
+        lambda params, key: begin(env, params, key, num_envs, episode_length, staggered=True), out_shardings=over
+    )
+    return spread(env_params, jax.random.key(0))
+
+
 def measure(env: TaskEnv, num_envs: int, steps: int, repeats: int, episode_length: int) -> Speed:
-    """Compile, warm up and time calls of so many `steps`; of each of the `repeats` one speed."""
+    """Compile, warm up and time calls of so many `steps` on all devices; of each of the `repeats` one speed."""
 
     def run(episodes: Episode, env_params: TaskParams, key: jax.Array) -> tuple[Episode, jax.Array]:
         episodes, _, rewards = unroll(
@@ -55,11 +75,11 @@ def measure(env: TaskEnv, num_envs: int, steps: int, repeats: int, episode_lengt
         )
         return episodes, rewards.sum()
 
-    env_params = jax.device_put(env.make_params(0))
-    spread = jax.jit(lambda params, key: begin(env, params, key, num_envs, episode_length, staggered=True))
-    episodes = spread(env_params, jax.random.key(0))  # resets spread over time
-
-    program, costs = compiled(lambda: jax.jit(run, donate_argnums=0).lower(episodes, env_params, jax.random.key(0)))
+    over = shared_out(num_envs)
+    env_params = jax.device_put(env.make_params(0), over and NamedSharding(over.mesh, PartitionSpec()))
+    episodes = begun(env, env_params, num_envs, episode_length, over)
+    many = jax.jit(run, donate_argnums=0, out_shardings=(over, None))
+    program, costs = compiled(lambda: many.lower(episodes, env_params, jax.random.key(0)))
 
     numbers = itertools.count()
 
@@ -69,4 +89,5 @@ def measure(env: TaskEnv, num_envs: int, steps: int, repeats: int, episode_lengt
         return total
 
     speed = rate(call, num_envs * steps, repeats)
-    return Speed(costs.trace_s + costs.compile_s, speed.median, speed.slowest, speed.fastest)
+    devices = 1 if over is None else over.mesh.size
+    return Speed(costs.trace_s + costs.compile_s, speed.median, speed.slowest, speed.fastest, devices)

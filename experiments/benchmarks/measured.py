@@ -45,7 +45,9 @@ class Row:
     gigabytes: float | None = None
     """Bytes read and written in a call, in 10^9."""
     acting_share: float | None = None
-    """Of the time of a training, how much acting alone would take."""
+    """Of the time of a training, how much acting alone would take; None where several devices trained."""
+    devices: int | None = None
+    """How many shared the work; None in files from before this was counted, which are of one."""
 
     @property
     def key(self) -> tuple[str, str, str, str]:
@@ -84,12 +86,16 @@ def read(path: Path) -> tuple[dict[str, Any], list[Row]]:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Markdown, one line for each row."""
-    heading = ("what", "size", "per second (minimum, maximum)", "trace + compile", "memory", "acting alone")
+    """Markdown, one line for each row; how many devices worked is said where it is more than one anywhere. Memory is
+    that of each device."""
+    several = any((one.devices or 1) > 1 for one in rows)
+    heading = ("what", "size", *(["devices"] if several else []))
+    heading += ("per second (minimum, maximum)", "trace + compile", "memory", "acting alone")
     lines = [
         (
             one.what,
             one.size,
+            *([str(one.devices or 1)] if several else []),
             f"{three_digits(one.rate)} {one.unit} ({three_digits(one.slowest)}, {three_digits(one.fastest)})",
             "-" if one.compile_s is None else f"{one.trace_s or 0:.1f} + {one.compile_s:.1f} s",
             "-" if one.memory_mib is None else f"{one.memory_mib:,.0f} MiB",

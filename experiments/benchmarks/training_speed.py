@@ -16,20 +16,23 @@ from t2tl_jax.training.unroll import begin, player_of, unroll
 
 @dataclass(frozen=True)
 class TrainingSpeed:
-    """Of one configuration with all of its seeds, on the devices that it uses."""
+    """Of one configuration with all of its seeds, on the devices that a run of it uses."""
 
     iterate: Rate
     """Environment steps/s of all seeds while training."""
     costs: Costs
     """Of the program of one iteration. Tracing includes the first state's program, and the maps."""
-    acting: Rate
-    """Environment steps/s of all seeds where the policy acts and nothing is learned, on one device."""
+    acting: Rate | None
+    """Environment steps/s of all seeds where the policy acts and nothing is learned; None where several devices train,
+    since this is timed on one."""
     frames: int
     """Environment steps of all seeds in one iteration."""
+    devices: int
+    """How many train."""
 
 
 def measure(config: Config, repeats: int) -> TrainingSpeed:
-    """Compile a configuration and time so many of its iterations; then its acting alone.
+    """Compile a configuration and time so many of its iterations; then its acting alone, on a single device.
 
     Pre-training does not count: the encoder's parameters make no difference to the time.
     """
@@ -46,7 +49,8 @@ def measure(config: Config, repeats: int) -> TrainingSpeed:
         return metrics
 
     training = rate(one_iteration, frames, repeats)
-    return TrainingSpeed(training, costs, _acting(experiment, state.params, repeats), frames)
+    acting = _acting(experiment, state.params, repeats) if experiment.devices == 1 else None
+    return TrainingSpeed(training, costs, acting, frames, experiment.devices)
 
 
 def _acting(experiment: Any, params: Any, repeats: int) -> Rate:

@@ -1,5 +1,7 @@
 """Benchmarks: mistakes in arguments are answered before any measurement, and what is measured is kept and compared."""
 
+from dataclasses import replace
+
 import pytest
 
 import tests.fake_learner  # noqa: F401, the configuration `fake`
@@ -58,6 +60,14 @@ def test_what_was_measured_is_read_again_and_compared(tmp_path):
     assert measured.against(rows[:1], rows[1:]) == "Nothing here was measured there."
 
 
+def test_the_number_of_devices_is_shown_where_there_were_several():
+    rows = [replace(one, devices=1) for one in measured_rows(1.0)]
+    assert measured.table(rows) == measured.table(measured_rows(1.0))
+    lines = measured.table([replace(rows[0], devices=2), rows[1]]).splitlines()
+    assert lines[0].startswith("| what | size | devices | per second")
+    assert "| 1 seed | 2 | 100" in lines[2] and "| 8 at once | 1 | 100" in lines[3]
+
+
 @pytest.mark.parametrize(
     "content", ["", "[]", "{}", '{"version": 1, "where": {}, "rows": [{"part": 1}]}', '{"version": 9}']
 )
@@ -73,7 +83,9 @@ def test_a_file_that_is_none_is_refused_before_anything_is_timed(content, tmp_pa
         (["--trainings", "zone_pp"], "zone_ppo"),
         (["--trainings", "zone_ppo:t2t"], "did you mean 't2tl'"),
         (["--trainings", "zone_ppo:t2tl:mjy"], "mjx"),
-        (["--trainings", "zone_ppo:t1tl:mjx:x"], "CONFIG:METHOD:PHYSICS"),
+        (["--trainings", "zone_ppo:t1tl:mjx:x"], "whole number of at least 1"),
+        (["--one-seed", "zone_pp"], "zone_ppo"),
+        (["--devices-per-seed", "-1"], "at least 0"),
         (["--trainings", "waterworld_dqn:rm:mjx"], "no choice of physics"),
         (["--seeds", "0"], "at least 1"),
         (["--json", "nowhere/x.json"], "there is no folder nowhere"),
@@ -90,10 +102,12 @@ def test_every_part_is_timed(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(env, "PHYSICS", {"letterworld": ("grid",)})
     monkeypatch.setattr(benchmark, "TASKS", ("phi_zone",))
     small = ["--num-envs", "4", "--rows", "8", "--steps", "5", "--repeats", "2", "--seeds", "2", "--trainings", "fake"]
+    small += ["--one-seed", "fake"]
     assert benchmark.main([*small, "--json", str(tmp_path / "c.json")]) == 0
     where, rows = measured.read(tmp_path / "c.json")
-    assert [row.part for row in rows] == ["progression", "environments", "training"] and where["packages"]["jax"]
+    assert [row.part for row in rows] == ["progression", "environments", "training", "training"]
+    assert where["packages"]["jax"] and [row.devices for row in rows] == [None, 1, 1, 1]
     assert all(0 < row.slowest <= row.rate <= row.fastest for row in rows)
-    training = rows[-1]
-    assert training.size == "2 seeds" and training.memory_mib > 0 and training.acting_share > 0
+    two, one = rows[-2:]
+    assert (two.size, one.size) == ("2 seeds", "1 seed") and two.memory_mib > 0 and two.acting_share > 0
     assert "## training" in capsys.readouterr().out
