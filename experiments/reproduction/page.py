@@ -1,6 +1,7 @@
 """The page of results: every item as Markdown, from stored runs alone."""
 
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -93,11 +94,13 @@ def origin(versions: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _machine(versions: Mapping[str, Any]) -> str:
-    """The accelerator; a processor with how many devices it was to JAX, and its own name."""
+    """The accelerators, with how many there were if several; a processor with how many devices it was to JAX, and its
+    own name."""
     devices = versions.get("devices", [])
     if set(devices) == {"cpu"}:
         return f"{len(devices)} x CPU ({versions.get('cpu') or 'unknown'})"
-    return ", ".join(sorted(set(devices))) or "unknown"
+    kinds = sorted(Counter(devices).items())
+    return ", ".join(kind if count == 1 else f"{count} x {kind}" for kind, count in kinds) or "unknown"
 
 
 def table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -16,6 +16,7 @@ from experiments.reproduction.page import page, paragraph
 from experiments.reproduction.parts import filled
 from experiments.reproduction.pictures import Picture, pictures
 from experiments.reproduction.runs import WATER_METHODS
+from experiments.reproduction.scaling import scaling
 from experiments.reproduction.sections.anytask import in_short
 from experiments.reproduction.stored import Stored
 from experiments.tuning import in_words
@@ -97,7 +98,7 @@ def documentation(root: Path) -> Documentation:
             "second-core": speed.second_core(results),
             "environments": speed.environments(results),
         },
-        "docs/performance.md": {"trainings": speed.everything(results)},
+        "docs/performance.md": {"trainings": speed.everything(results), "scaling": scaling(results)},
         "docs/usage.md": {"plans": beside.plans(results)},
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}

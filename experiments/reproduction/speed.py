@@ -8,6 +8,7 @@ from typing import Any
 
 from experiments.benchmarks import measured
 from experiments.reproduction.page import made_by, origin, table
+from experiments.reproduction.scaling import in_time
 from experiments.reproduction.stored import Stored
 from t2tl_jax.runs.folder import read_json
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
@@ -224,14 +225,16 @@ SHORT_TRAININGS = (
 
 
 def trainings(results: Path) -> list[tuple[str, str, str]]:
-    """Frames/s of whole iterations; a row of which something is not stored is left out."""
+    """Frames/s of whole iterations on one device; a row of which something is not stored is left out.
+
+    Of what several files hold the newest counts. A file of several devices never does: its rows are those of `scaling`.
+    """
     found: dict[tuple[str, str], tuple[str, str]] = {}
-    for file in sorted(results.glob("benchmark_*.json")):
-        where, rows = measured.read(file)
-        hardware = ", ".join(sorted(set(where["devices"]))).replace("NVIDIA ", "")
-        for row in rows:
-            if row.part == "training":
-                found[row.what, row.size] = (hardware, measured.three_digits(row.rate))
+    for where, rows in in_time(results):
+        if len(where["devices"]) == 1:
+            hardware = where["devices"][0].replace("NVIDIA ", "")
+            of_trainings = [row for row in rows if row.part == "training"]
+            found |= {(row.what, row.size): (hardware, measured.three_digits(row.rate)) for row in of_trainings}
     shown = []
     for title, names, size in SHORT_TRAININGS:
         values = [found[name, size] for name in names if (name, size) in found]
@@ -241,9 +244,12 @@ def trainings(results: Path) -> list[tuple[str, str, str]]:
 
 
 def largest(benchmarked: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
-    """A row of the README for each benchmark of environments: steps/s of its largest batch, to three digits."""
+    """A row of the README for each benchmark of environments on one device: steps/s of its largest batch, to three
+    digits."""
     rows = []
     for one in benchmarked:
+        if any(row.get("devices", 1) > 1 for row in one["results"]):
+            continue
         count = max(row["num_envs"] for row in one["results"])
         last: Mapping[str, Any] = {row["physics"]: row for row in one["results"] if row["num_envs"] == count}
         name = {"zones": "ZoneEnv", "waterworld": "WaterWorld"}[one["config"]["env"]]

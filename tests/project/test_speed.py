@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from experiments.benchmarks import measured
-from experiments.reproduction import speed
+from experiments.reproduction import scaling, speed
+from experiments.reproduction.page import origin
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
 
 ROOT = Path(__file__).parents[2]
@@ -64,6 +65,8 @@ def test_environments_are_shown_as_they_were_measured(tmp_path):
     assert speed.largest(speed.benchmarks(tmp_path)) == [
         ("ZoneEnv, 64 environments, mjx / closed_form", "H100", "1,230,000 / 4,000,000 steps/s")
     ]
+    shared = [{**row, "devices": 2} for row in results]
+    assert speed.largest([{"where": where, "config": config, "results": shared}]) == []  # the README's are of one GPU
 
 
 def test_trainings_are_shown_as_they_were_measured(tmp_path):
@@ -94,3 +97,84 @@ def test_the_readme_shows_trainings_that_are_stored_whole(tmp_path):
     assert "waterworld_dqn" in title and (hardware, figure) == ("H200", "1,300,000 / 263,000 frames/s")
     for line in speed.trainings(RESULTS):
         assert f"| {' | '.join(line)} |" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+# ----- several GPUs -----
+
+ONE, TWO = ["NVIDIA H200"], ["NVIDIA H200"] * 2
+
+
+def store(folder, name, devices, rows, **other):
+    """Rows as (what, size, rate, devices), timed within 1 % of the rate."""
+    where = {"devices": devices, "git_revision": "c" * 40, "packages": {"jax": "0.11.2"}, "time": "2026-01-01"}
+    made = [
+        measured.Row(
+            *("environments", what, size, "steps/s") if "at once" in size else ("training", what, size, "frames/s"),
+            *(rate, 0.99 * rate, 1.01 * rate),
+            devices=used,
+        )
+        for what, size, rate, used in rows
+    ]
+    measured.write(folder / f"benchmark_{name}.json", {**where, **other}, {}, made)
+
+
+def test_several_devices_are_compared_with_one(tmp_path):
+    assert scaling.scaling(tmp_path).startswith("Not measured yet")
+    store(
+        *(tmp_path, "two", TWO),
+        [
+            ("a", "24 seeds", 1.89e6, 2),
+            ("b", "24 seeds", 1.9e6, 2),
+            ("b", "1 seed", 1.7e6, 2),
+            ("c", "1 seed", 1.69e6, 2),
+            ("zones, mjx", "8 at once", 1.5e6, 2),
+            ("idle", "1 seed", 1e6, 1),
+            ("alone", "1 seed", 1e6, 2),
+        ],
+    )
+    assert scaling.scaling(tmp_path).startswith("Not measured yet")
+    sizes = (("a", "24 seeds"), ("b", "24 seeds"), ("b", "1 seed"), ("c", "1 seed"), ("zones, mjx", "8 at once"))
+    store(tmp_path, "one", ONE, [(*names, 1e6, 1) for names in (*sizes, ("idle", "1 seed"))])
+    heading, _, *lines, _, said = scaling.scaling(tmp_path).splitlines()
+    assert "| one device | 2 devices |" in heading and "Hardware: 2 x NVIDIA H200." in said
+    assert lines[0] == "| a | 24 seeds | 1,000,000 frames/s | 1,890,000 frames/s | 1.89 (1.85, 1.93) | 1.9 | not met |"
+    ends = [" | ".join(line.strip("| ").split(" | ")[-2:]) for line in lines]
+    assert ends[1:4] == ["1.9 | met", "1.7 | met", "1.7 | not met"]
+    assert len(lines) == 5 and "| 1,500,000 steps/s | 1.50 (1.47, 1.53) | - |" in lines[4]
+
+
+@pytest.mark.parametrize(
+    ("devices", "other"),
+    [
+        (ONE, {"git_revision": "d" * 40}),
+        (ONE, {"packages": {"jax": "0.12.0"}}),
+        (["NVIDIA H100"], {}),
+        (TWO, {}),
+    ],
+)
+def test_what_differs_otherwise_is_not_compared(tmp_path, devices, other):
+    store(tmp_path, "two", TWO, [("a", "24 seeds", 2e6, 2)])
+    store(tmp_path, "one", devices, [("a", "24 seeds", 1e6, len(devices))], **other)
+    assert scaling.scaling(tmp_path) == scaling.NOTHING
+
+
+def test_four_devices_have_no_aim(tmp_path):
+    store(tmp_path, "four", ["NVIDIA H200"] * 4, [("a", "24 seeds", 3.5e6, 4)])
+    store(tmp_path, "one", ONE, [("a", "24 seeds", 1e6, None)])  # an older file
+    assert "| one device | 4 devices |" in (shown := scaling.scaling(tmp_path)) and "| 3.50 (3.43, 3.57) | - |" in shown
+
+
+@pytest.mark.parametrize("names", [("x", "y"), ("y", "x")])
+def test_the_readme_shows_the_newest_of_one_device(tmp_path, names):
+    old, new = names
+    trainings = ("waterworld_dqn:t1tl", "waterworld_dqn:t2tl")
+    for name, rate, day in ((old, 1e6, 1), (new, 2e6, 2)):
+        store(tmp_path, name, ONE, [(what, "12 seeds", rate, 1) for what in trainings], time=f"2026-01-0{day}")
+    store(tmp_path, "z", TWO, [(what, "12 seeds", 3e6, 2) for what in trainings], time="2026-01-03")
+    ((_, hardware, figure),) = speed.trainings(tmp_path)
+    assert (hardware, figure) == ("H200", "2,000,000 / 2,000,000 frames/s")
+
+
+def test_the_number_of_devices_is_said():
+    for devices, said in ((ONE, "NVIDIA H200"), (TWO, "2 x NVIDIA H200"), (["B", "A", "A"], "2 x A, B")):
+        assert f"Hardware: {said}. JAX" in origin([{"devices": devices}])
