@@ -6,6 +6,7 @@ from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import beside, speed, stored
+from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
 from experiments.reproduction.cells import text
@@ -98,7 +99,11 @@ def documentation(root: Path) -> Documentation:
             "second-core": speed.second_core(results),
             "environments": speed.environments(results),
         },
-        "docs/performance.md": {"trainings": speed.everything(results), "scaling": scaling(results)},
+        "docs/performance.md": {
+            "trainings": speed.everything(results),
+            "aims": aims(results),
+            "scaling": scaling(results),
+        },
         "docs/usage.md": {"plans": beside.plans(results)},
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}

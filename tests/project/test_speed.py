@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from experiments.benchmarks import measured
-from experiments.reproduction import scaling, speed
+from experiments.reproduction import aims, scaling, speed
 from experiments.reproduction.page import origin
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
 
@@ -178,3 +178,17 @@ def test_the_readme_shows_the_newest_of_one_device(tmp_path, names):
 def test_the_number_of_devices_is_said():
     for devices, said in ((ONE, "NVIDIA H200"), (TWO, "2 x NVIDIA H200"), (["B", "A", "A"], "2 x A, B")):
         assert f"Hardware: {said}. JAX" in origin([{"devices": devices}])
+
+
+def test_aims_are_judged_by_what_is_stored(tmp_path):
+    assert "Not measured" in aims.aims(tmp_path)
+    where = {"devices": ["NVIDIA H200"], "git_revision": "b" * 40, "packages": {"jax": "0.11.2"}}
+    row = measured.Row(
+        "training", aims.T1TL, "12 seeds", "frames/s", 2_499_999.0, 1.0, 1.0, trace_s=4.5, compile_s=15.4
+    )
+    measured.write(tmp_path / "benchmark_x.json", where, {}, [row])
+    speed_line, compile_line = aims.aims(tmp_path).splitlines()[2:]
+    assert speed_line.endswith("| 2,500,000 frames/s | 2,500,000 frames/s | **not reached** |")
+    assert compile_line.endswith("| 19.9 s | reached |")
+    measured.write(tmp_path / "benchmark_x.json", {**where, "devices": ["NVIDIA H200"] * 2}, {}, [row])
+    assert "Not measured" in aims.aims(tmp_path)
