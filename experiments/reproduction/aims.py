@@ -41,8 +41,8 @@ def aims(results: Path) -> str:
     for where, rows in in_time(results):
         if where["devices"] == ["NVIDIA H200"]:
             found |= {(row.what, row.size): row for row in rows if row.part == "training"}
-    rows = [_line(aim, found[aim.what, aim.size]) for aim in AIMS if (aim.what, aim.size) in found]
-    return table(("what", "size", "aim", "measured", ""), rows) or "Not measured yet on one H200."
+    lines = [_line(aim, found[aim.what, aim.size]) for aim in AIMS if (aim.what, aim.size) in found]
+    return table(("what", "size", "aim", "measured", ""), lines) or "Not measured yet on one H200."
 
 
 def _line(aim: Aim, row: measured.Row) -> tuple[str, ...]:
