@@ -44,6 +44,11 @@ ANY_ITEMS: dict[str, Item] = {
             "any-letters", published.LETTERS, anytask.LETTER_BARS, {"letters_1 to 5": suites.LETTERS.tasks[:5]}
         ),
     ),
+    "any-dqn": Item(
+        "LetterWorld by double DQN, which learns eight rows of every transition",
+        ("any-letters-dqn",),
+        anytask.tasks_of_run("any-letters-dqn", published.LETTERS, means={"letters_1 to 5": suites.LETTERS.tasks[:5]}),
+    ),
     "any-flatworld": Item(
         "FlatWorld",
         ("any-flat",),

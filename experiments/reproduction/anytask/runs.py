@@ -31,6 +31,8 @@ HEADLINE_SEEDS, ENCODER_SEEDS, MEMORY_SEEDS = "10", "4", "12"
 
 ENCODER_FRAMES, FRESH_FRAMES, PRETRAINING_FRAMES, MEMORY_FRAMES = 20_000_000, 8_000_000, 3_000_000, 8_000_000
 
+DQN_FRAMES = 4_000_000
+
 MEMORY_RANGE = 1.2
 """Metres that the lidar reaches, linearly, in SpecRLBench's partially observed worlds."""
 
@@ -97,7 +99,10 @@ def _headline() -> dict[str, Run]:
         "any-letters": (letters, {"suites": (suites.LETTERS, suites.LETTERS_LONG, suites.LETTER_MAPS)}),
         "any-flat": (flat, {"suites": (suites.FLAT,)}),
     }
-    return {name: _run(config, HEADLINE_SEEDS, early=True, **more) for name, (config, more) in tested.items()}
+    runs = {name: _run(config, HEADLINE_SEEDS, early=True, **more) for name, (config, more) in tested.items()}
+    dqn = _without(named_config("letters_any_dqn"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
+    dqn = replace(dqn, frames=DQN_FRAMES)
+    return runs | {"any-letters-dqn": _run(dqn, ENCODER_SEEDS, suites=(suites.LETTERS, suites.LETTERS_LONG))}
 
 
 def _encoders() -> dict[str, Run]:
