@@ -176,7 +176,8 @@ class Transitions:
     carry: Carry  # the window that acted at the first step of every segment, leading axes [T / S, N]
 
 
-# What acting takes from step to step: exploration noise, the context window, and the same window as it is read.
+# What acting takes from step to step: exploration noise, the context window, and the same window with embeddings; ()
+# instead where the first is read as it is.
 Known = tuple[jax.Array | None, Carry, Carry]
 
 
@@ -192,8 +193,10 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
     config.network.state.check(env.objects, config.task_encoder)
     network = ActorCritic(config.network, env.num_actions or env.action_size, discrete, env.objects)
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
-    # Parameters stand still while acting, so what was seen is embedded once and not at every step that remembers it.
-    as_seen = None if context is None else replace(context, recompute=False)
+    # Parameters stand still while acting, so what was seen is embedded once and not at every step that remembers it;
+    # but tasks do not stand still, and states that read them are made anew.
+    for_task = config.network.windows_by_task
+    as_seen = context if context is None or for_task else replace(context, recompute=False)
     actor: Callable[..., Any] = ActorCritic(
         replace(config.network, context=as_seen), network.action_size, discrete, env.objects
     ).apply
@@ -277,7 +280,8 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
 
         def explore(known: Known, now: State, key: jax.Array) -> tuple[jax.Array, Known, jax.Array]:
             noise, carry, window = known
-            distribution = actor(state.params, now.obs, embedding[env.row(now)], window, method="policy")
+            read = carry if for_task else window
+            distribution = actor(state.params, now.obs, embedding[env.row(now)], read, method="policy")
             # White noise on this bang-bang robot averages out within a metre; noise that persists carries it along.
             # Every action by itself still has the policy's distribution, whose density the loss uses.
             action, noise = distribution.sample(key, noise, correlation)
@@ -336,7 +340,9 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         return known, episodes, replace(transitions, carry=carry), metrics
 
     def embedded(params: Params, carry: Carry) -> Carry:
-        """The window with embeddings of what was seen in it."""
+        """The window with embeddings of what was seen in it; () where it is read as it is, by the task."""
+        if for_task:
+            return ()
         if not isinstance(carry, Window) or context is None or not context.recompute:
             return carry
         return replace(carry, seen=apply(params, carry.seen, method="see"))

@@ -51,12 +51,18 @@ class NetworkConfig:
     """Squash the numbers of observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as
     published."""
     context: ContextConfig | None = None
-    """The window of the last steps of the episode and who reads it (T2TL); None for a policy without memory (T1TL)."""
+    """The window of the last steps of the episode and who reads it (T2TL); None for a policy without memory (T1TL).
+    The state may be flat, or merged: then what is remembered is merged by the task of the step that remembers it."""
 
     def __post_init__(self) -> None:
         checks.sizes(self, "env_layers", "actor_layers", "critic_layers")
         checks.not_negative(self, "mean_scale", "value_scale")
-        check_context(self.context, self.state)
+        check_context(self.context, self.state, by_task=True)
+
+    @property
+    def windows_by_task(self) -> bool:
+        """Whether there are windows, and what they hold is read for the task of the step that reads them."""
+        return self.context is not None and self.state.reads_task
 
 
 def _mlp(x: jax.Array, sizes: tuple[int, ...], activation, name: str) -> jax.Array:
@@ -85,6 +91,10 @@ class EnvironmentEncoder(nn.Module):
     def __call__(self, obs: jax.Array, task: jax.Array | None = None) -> jax.Array:
         """obs [..., O], and task [..., dim] if the state encoder reads it -> [..., env_layers[-1]]."""
         return _mlp(self.state(obs, task), self.config.env_layers, nn.relu, "dense")
+
+    def before_layers(self, obs: jax.Array, task: jax.Array) -> jax.Array:
+        """What the state encoder makes of obs [..., O] and task [..., dim], which the layers read: [..., D]."""
+        return self.state(obs, task)
 
 
 class Actor(nn.Module):
@@ -159,6 +169,10 @@ class ActorCritic(RecurrentNetwork):
         """The environment encoder: obs [..., O], and task [..., dim] if it reads it -> [..., env_layers[-1]]."""
         return self.environment_encoder(obs, task)
 
+    def see_for(self, obs: jax.Array, task: jax.Array) -> jax.Array:
+        """Of remembered observations, the state encoder alone: `env_layers` on every slot would cost K times more."""
+        return self.environment_encoder.before_layers(obs, task)
+
     def of_task(self, task: jax.Array) -> jax.Array:
         """What actor and critic read of codes [..., dim]."""
         return self.config.state.left_of(task, self.config.task_encoder)
@@ -176,7 +190,9 @@ class ActorCritic(RecurrentNetwork):
         """
         embedding = self.see(obs, task)
         parts = [embedding, self.of_task(task)]
-        if self.config.context is not None:
+        if self.config.windows_by_task:
+            parts.append(self.context_for(carry, obs, task))
+        elif self.config.context is not None:
             parts.append(self.context(carry, embedding))
         return jnp.concatenate(parts, axis=-1)
 
@@ -191,7 +207,9 @@ class ActorCritic(RecurrentNetwork):
     def value_after(self, obs: jax.Array, next_obs: jax.Array, next_task: jax.Array, carry: Segment | tuple[()]):
         """Value [..., S] of the states that the steps of segments led to, before any new episode."""
         parts = [self.see(next_obs, next_task), self.of_task(next_task)]
-        if self.config.context is not None:
+        if self.config.windows_by_task:
+            parts.append(self.context_for(carry, obs, next_task, after=True))
+        elif self.config.context is not None:
             parts.append(self.context(carry, self.see(obs), after=True))
         return self.critic(jnp.concatenate(parts, axis=-1))
 

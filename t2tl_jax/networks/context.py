@@ -5,6 +5,10 @@ every step, the newest token always in the last slot. Window functions take one 
 
 The windows of successive steps overlap. So PPO learns from `Segment`s: S steps and the window at the first of them, in
 which every observation is embedded and every token is made once, and then stacked to the S windows.
+
+States that read the task (`network.state=merged`) are others for every task. Their windows keep observations, and each
+is merged by the task of the step that reads the window: where did I see what I need now? So observations are stacked
+instead of tokens, and every token is made K times.
 """
 
 from dataclasses import dataclass, field, replace
@@ -43,7 +47,8 @@ class ContextConfig:
     (its flags say 2, 64 and 256)."""
     recompute: bool = True
     """Keep observations, and embed them anew with gradient in the update; False keeps the embedding made when acting
-    (published code), through which no gradient flows."""
+    (published code), through which no gradient flows. States that read the task (merged) are made anew at every step:
+    they need True, and go into the tokens by themselves, without the layers of the environment encoder."""
     segment_length: int = 8
     """PPO draws its minibatches in pieces of so many successive steps, which share the work on their windows; must
     divide unroll_length. 1 draws every step by itself, as the published code does, and is several times slower."""
@@ -173,8 +178,26 @@ def valid_in_windows(segment: Segment, reset: bool, after: bool) -> jax.Array:
     return valid & (stack_windows(of_slot, axis, steps, after) == episode[..., None])
 
 
+def windows_of(segment: Segment, obs: jax.Array, reset: bool, after: bool) -> Window:
+    """The windows of all steps of a segment, or with `after` those that they lead to, in full: [..., S] of them.
+
+    obs [..., S, O] are the observations of the steps. A slot of another episode is not valid, but not emptied.
+    """
+    start, axis, steps = segment.start, segment.reward.ndim - 1, segment.reward.shape[-1]
+
+    def stacked(before: jax.Array, during: jax.Array) -> jax.Array:
+        return stack_windows(jnp.concatenate([before, during], axis), axis, steps, after)
+
+    return Window(
+        action=stacked(start.action, segment.action),
+        reward=stacked(start.reward, segment.reward),
+        seen=stacked(start.seen, obs),
+        valid=valid_in_windows(segment, reset, after),
+    )
+
+
 class ContextEncoder(nn.Module):
-    """Tokens (action, reward, embedded observation), a linear layer, and the same kind of reader as the formula's."""
+    """Tokens (action, reward, what was made of the observation), a linear layer, and a reader as the formula's."""
 
     config: ContextConfig
     num_actions: int | None = None  # of discrete actions, which become unit vectors; None for continuous ones
@@ -237,7 +260,8 @@ class ContextEncoder(nn.Module):
 
 
 class RecurrentNetwork(nn.Module):
-    """What a policy's network does with its carry. A subclass makes `context_encoder`, `see` and `blank`.
+    """What a policy's network does with its carry. A subclass makes `context_encoder`, `see` and `blank`, and
+    `see_for` if it takes states that read the task.
 
     Without context every carry is `()`.
     """
@@ -246,6 +270,10 @@ class RecurrentNetwork(nn.Module):
 
     def see(self, obs: jax.Array) -> jax.Array:
         """The embedding of an observation that tokens hold: [..., O] -> [..., E]."""
+        raise NotImplementedError
+
+    def see_for(self, obs: jax.Array, task: jax.Array) -> jax.Array:
+        """What tokens hold of states that read the task: [..., O] and [..., dim], broadcast -> [..., E]."""
         raise NotImplementedError
 
     @nn.nowrap
@@ -285,13 +313,29 @@ class RecurrentNetwork(nn.Module):
         Segments whose embeddings are made anew need the `embedding` [..., S, E] of the steps' observations. With
         `after`, the windows are those that a step leads to, before any new episode.
         """
-        if not isinstance(carry, Window | Segment):
-            raise ValueError(f"a network with context needs a window, got {type(carry).__name__}")
+        carry = _remembered(carry)
         window = carry.start if isinstance(carry, Segment) else carry
         seen = self.see(window.seen) if self.config.context.recompute else window.seen
         if isinstance(carry, Window):
             return self.context_encoder(carry, seen)
         return self.context_encoder.segment(carry, seen, embedding if carry.seen is None else carry.seen, after)
+
+    def context_for(self, carry: Carry | Segment, obs: jax.Array, task: jax.Array, after: bool = False) -> jax.Array:
+        """`context` where states read the task: all that a window holds is read for the `task` of its step.
+
+        task [..., dim], of segments [..., S, dim] with the observations `obs` [..., S, O] of the steps; with `after`
+        that of the states they lead to.
+        """
+        carry = _remembered(carry)
+        window = windows_of(carry, obs, self.config.context.reset, after) if isinstance(carry, Segment) else carry
+        return self.context_encoder(window, self.see_for(window.seen, task[..., None, :]))
+
+
+def _remembered(carry: Carry | Segment) -> Window | Segment:
+    """The carry of a network with context; ValueError for one without."""
+    if not isinstance(carry, Window | Segment):
+        raise ValueError(f"a network with context needs a window, got {type(carry).__name__}")
+    return carry
 
 
 register_context_reader("transformer", TransformerConfig, TransformerEncoder)

@@ -22,6 +22,7 @@ class MergedConfig(StateEncoderConfig):
     """The lidars, or other readings that are 0 where there is nothing, merged by role."""
 
     reads_task: ClassVar[bool] = True
+    in_windows: ClassVar[bool] = True
 
     def check(self, objects: Objects | None, reader: TaskEncoderConfig) -> None:
         """There have to be readings, and a code that speaks of each proposition by itself."""

@@ -56,7 +56,7 @@ class QNetworkConfig:
     def __post_init__(self) -> None:
         checks.sizes(self, "state_layers")
         checks.counts(self, "task_layer")
-        check_context(self.context, self.state)
+        check_context(self.context, self.state, by_task=False)
         if self.state.reads_task and self.head == "bilinear":
             raise ValueError(
                 f"the head 'bilinear' reads a state once for all tasks, and {type(self.state).__name__} reads it for "

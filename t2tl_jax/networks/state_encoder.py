@@ -19,6 +19,9 @@ class StateEncoderConfig:
 
     reads_task: ClassVar[bool] = False
     """Whether the features depend on the task, so that a state has others for every row of the table."""
+    in_windows: ClassVar[bool] = False
+    """Whether a context window can hold such states. Those that read the task are then made anew of every remembered
+    observation for every step that reads it, so they should have no parameters."""
 
     def check(self, objects: Objects | None, reader: TaskEncoderConfig) -> None:
         """Whether this can read such observations and such codes.

@@ -1,10 +1,12 @@
 """The state encoders, registered as a user's would be. A network's own layers come behind them."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import jax
 from flax import linen as nn
 
+from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.merged import MergedConfig, MergedEncoder
 from t2tl_jax.networks.objects import ObjectsConfig, ObjectsEncoder
 from t2tl_jax.networks.state_encoder import Squash, StateEncoderConfig
@@ -16,6 +18,8 @@ from t2tl_jax.registry import STATE_ENCODERS, register_state_encoder
 @dataclass(frozen=True)
 class FlatConfig(StateEncoderConfig):
     """The observation as it is, one vector."""
+
+    in_windows: ClassVar[bool] = True
 
 
 class Flat(nn.Module):
@@ -43,16 +47,34 @@ def make_state_encoder(
     return STATE_ENCODERS.maker(config)(config, objects, reader, squash)
 
 
-def check_context(context: object, state: StateEncoderConfig) -> None:
-    """A context window holds embedded observations, and no task to embed them for.
+def check_context(context: ContextConfig | None, state: StateEncoderConfig, by_task: bool) -> None:
+    """Whether a context window can hold such states, which it then keeps as observations if they read the task.
+
+    Args:
+        context: the network's context; without one nothing is wrong.
+        state: what reads the observation first.
+        by_task: whether the network can read a window by the task of the step that reads it.
 
     Raises:
-        ValueError: for a network with context whose state is not read flat.
+        ValueError: for a network with context whose windows cannot hold what the state encoder makes.
     """
-    if context is not None and not isinstance(state, FlatConfig):
+    if context is None or (state.in_windows and not state.reads_task):
+        return
+    got = f"needs network.state=flat, got {type(state).__name__}"
+    if not by_task:
         raise ValueError(
-            f"a context window embeds observations by themselves, so it needs network.state=flat, got "
-            f"{type(state).__name__}; use flat, or network.context=None"
+            f"the values of all tasks share one window, so DQN with context {got}; use flat, or "
+            "network.context=None; PPO's windows can be merged, too"
+        )
+    if not state.in_windows:
+        raise ValueError(
+            f"a context window holds what is made of observations without parameters, so it {got}; use flat, or "
+            "network.state=merged where lidars can be merged, or network.context=None"
+        )
+    if not context.recompute:
+        raise ValueError(
+            "a window of states that read the task keeps observations, which mean something else to every task: "
+            f"network.context.recompute=False {got}; use recompute=True, or flat"
         )
 
 
