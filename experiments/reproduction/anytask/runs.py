@@ -134,11 +134,11 @@ def _encoders() -> dict[str, Run]:
 
 
 def _memory() -> dict[str, Run]:
-    """Discs that are seen from near only: without memory, and with either reader of the last steps."""
+    """Discs that are seen from near only: without memory, and with either reader of the last steps. Lidars are merged,
+    also those that are remembered, by what their colours are to the task now."""
     base = _without(named_config("zones_any"), suites.ZONE_Z)
     env: Any = base.env
     base = replace(base, env=replace(env, lidar_range=MEMORY_RANGE), frames=MEMORY_FRAMES)
-    base = _with(base, network={"state": FlatConfig()})
     contexts = {
         "t1tl": None,
         "t2tl": ContextConfig(length=MEMORY_STEPS),
