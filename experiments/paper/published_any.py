@@ -1,4 +1,4 @@
-"""What others report of agents on formulas that these were not trained on: success, and mean steps of the successes.
+"""Agents of others on formulas that these were not trained on: success, and mean steps of the successes.
 
 DeepLTL, RAD, GCRL-LTL and LTL2Action in DeepLTL's worlds are computed from result files in DeepLTL's repository (commit
 3157200): five seeds with 500 episodes each, deterministic in ZoneEnv and sampled elsewhere. GenZ-LTL are its five

@@ -104,9 +104,10 @@ def in_time(results: Path) -> list[tuple[dict[str, Any], list[measured.Row]]]:
 
 
 def _setting(where: Mapping[str, Any]) -> Setting | None:
-    """None where devices differ, and for a processor, whose cores share more than they have of their own."""
+    """None where devices differ or the tree differed from its commit, and for a processor, whose cores share more than
+    they have of their own."""
     kinds, commit = set(where["devices"]), where.get("git_revision")
-    if len(kinds) != 1 or "cpu" in kinds or not commit:
+    if len(kinds) != 1 or "cpu" in kinds or not commit or where.get("git_modified"):
         return None
     return Setting(kinds.pop(), commit, where["packages"]["jax"])
 

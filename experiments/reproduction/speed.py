@@ -1,6 +1,7 @@
 """The tables of speed: seconds until success stayed above 95 %, and steps of environments, from stored output."""
 
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -177,10 +178,17 @@ def everything(results: Path) -> str:
         where, rows = measured.read(file)
         parts += [
             f"`results/{file.name}`:",
+            f"    {_command(where)}",
             measured.table([row for row in rows if row.part == "training"]),
             origin([where]),
         ]
     return "\n\n".join(parts) or "Not measured yet from a commit of this history."
+
+
+def _command(where: Mapping[str, Any]) -> str:
+    """What made a benchmark's file, as it was typed but for the folder of the file."""
+    _, *words = where.get("command", [""])
+    return shlex.join(["python", "-m", "experiments.benchmark", *words])
 
 
 def short_table(results: Path) -> str:
@@ -227,19 +235,26 @@ SHORT_TRAININGS = (
 def trainings(results: Path) -> list[tuple[str, str, str]]:
     """Frames/s of whole iterations on one device; a row of which something is not stored is left out.
 
-    Of what several files hold the newest counts. A file of several devices never does: its rows are those of `scaling`.
+    A row is of one device, commit and JAX; of several the newest counts. A file of several devices never does: its rows
+    are those of `scaling`.
     """
-    found: dict[tuple[str, str], tuple[str, str]] = {}
+    found: dict[tuple[str, ...], dict[tuple[str, str], str]] = {}
     for where, rows in in_time(results):
-        if len(where["devices"]) == 1:
-            hardware = where["devices"][0].replace("NVIDIA ", "")
+        if len(where["devices"]) == 1 and not where.get("git_modified"):
+            setting = (where["devices"][0].replace("NVIDIA ", ""), where["git_revision"], where["packages"]["jax"])
             of_trainings = [row for row in rows if row.part == "training"]
-            found |= {(row.what, row.size): (hardware, measured.three_digits(row.rate)) for row in of_trainings}
+            rates = found.pop(setting, {})  # to the end, where the newest stand
+            found[setting] = rates | {(row.what, row.size): measured.three_digits(row.rate) for row in of_trainings}
     shown = []
     for title, names, size in SHORT_TRAININGS:
-        values = [found[name, size] for name in names if (name, size) in found]
-        if len(values) == len(names) and len({hardware for hardware, _ in values}) == 1:
-            shown.append((title, values[0][0], f"{' / '.join(rate for _, rate in values)} frames/s"))
+        whole = [
+            (hardware, [rates[name, size] for name in names])
+            for (hardware, *_), rates in found.items()
+            if all((name, size) in rates for name in names)
+        ]
+        if whole:
+            hardware, values = whole[-1]
+            shown.append((title, hardware, f"{' / '.join(values)} frames/s"))
     return shown
 
 

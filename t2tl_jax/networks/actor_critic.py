@@ -52,7 +52,7 @@ class NetworkConfig:
     published."""
     context: ContextConfig | None = None
     """The window of the last steps of the episode and who reads it (T2TL); None for a policy without memory (T1TL).
-    The state may be flat, or merged: then what is remembered is merged by the task of the step that remembers it."""
+    The state may be flat, or merged: what is remembered is then merged by the task of the step that reads it."""
 
     def __post_init__(self) -> None:
         checks.sizes(self, "env_layers", "actor_layers", "critic_layers")

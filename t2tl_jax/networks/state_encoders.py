@@ -68,7 +68,7 @@ def check_context(context: ContextConfig | None, state: StateEncoderConfig, by_t
         )
     if not state.in_windows:
         raise ValueError(
-            f"a context window holds what is made of observations without parameters, so it {got}; use flat, or "
+            f"a context window takes flat states, or merged ones under PPO, without parameters: it {got}; use flat, or "
             "network.state=merged where lidars can be merged, or network.context=None"
         )
     if not context.recompute:

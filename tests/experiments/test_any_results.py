@@ -20,6 +20,7 @@ from experiments.paper import fixed_set
 from experiments.reproduction import stored, work
 from experiments.reproduction.anytask import met, picture, suites, tested
 from experiments.reproduction.anytask.suites import Suite
+from experiments.reproduction.changed import changed
 from experiments.reproduction.plan import Run
 from experiments.reproduction.runs import all_runs
 from experiments.reproduction.sections import anytask
@@ -250,11 +251,11 @@ def test_bars_are_reached_or_not():
 
 def test_levels_show_codes_side_by_side_and_what_was_not_played(zones):
     row = cells(anytask.levels({"any-zones-transformer": zones}))["transformer"]  # of the last table, the costs
-    heading = ["training", "same family", *anytask.LEVELS]
+    heading = ["state", "training", "same family", *anytask.LEVELS]
     assert row == ["2", *anytask.cost(zones)]
     table = anytask.levels({"any-zones-transformer": zones}).split("\n\n")[0]
     shown = dict(zip(heading, cells(table)["transformer"], strict=True))
-    assert shown["z1 to z6"].startswith("0.99 [") and shown["deeper"] == "-"
+    assert shown["state"] == "merged" and shown["z1 to z6"].startswith("0.99 [") and shown["deeper"] == "-"
     assert shown["texts exchanged"].startswith("0.10")
 
 
@@ -299,3 +300,12 @@ def test_the_picture_shows_what_is_stored(zones, tmp_path):
     episode["way"] = [[0, 0], [1, 2]]
     (zones.path / tested.FILE).write_text(json.dumps(content))
     assert picture.of_runs({"any-zones": zones})[picture.ITEM].digest() != drawn.digest()
+
+
+def test_runs_that_would_be_made_otherwise_today_are_named(zones):
+    now = Run(zones.config)
+    assert changed({"any-zones": zones}, {"any-zones": now}) == ""
+    assert changed({"any-zones": zones}, {"any-zones": Run(replace(zones.config, seeds="7,"))}) == ""
+    longer = Run(replace(zones.config, frames=2 * zones.config.frames))
+    said = changed({"any-zones": zones, "gone": zones}, {"any-zones": longer})
+    assert "not measured yet: any-zones (`frames`)." in said.replace("\n", " ")

@@ -41,6 +41,9 @@ MEMORY_STEPS = 24
 
 PAPER_COLOURS = ("Black", "White", "Red", "Yellow")
 
+ZONE_TESTS = (*suites.ZONE_Z, *suites.ZONE_HARD, *suites.ZONE_DEEP, *suites.ZONE_WIDE)
+"""What agents of the open ZoneEnv are tested on, and what neither they nor their encoders are trained on."""
+
 WIDE = Mixture(
     (
         Chains(depth=(1, 4)),
@@ -79,7 +82,7 @@ def any_runs() -> dict[str, Run]:
 
 def _headline() -> dict[str, Run]:
     zone = named_config("zones_any")
-    zone = _without(zone, (*suites.ZONE_Z, *suites.ZONE_HARD, *suites.ZONE_DEEP, *suites.ZONE_WIDE))
+    zone = _without(zone, ZONE_TESTS)
     zone = _with(zone, learner={"anneal_learning_rate": True}, network={"task_encoder": _room_for(10)})
     walls = replace(_without(zone, suites.WALLS.tasks), env=ZoneConfig(layout="random"), frames=20_000_000)
     letters = _without(named_config("letters_any"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
@@ -108,9 +111,7 @@ def _headline() -> dict[str, Run]:
 def _encoders() -> dict[str, Run]:
     """The same task, world and budget with other codes. Codes that do not speak of each colour by itself are read
     beside the observation as it is, and so is the look-ahead once more."""
-    base = _without(
-        named_config("zones_any"), (*suites.ZONE_Z, *suites.ZONE_HARD, *suites.ZONE_DEEP, *suites.ZONE_WIDE)
-    )
+    base = _without(named_config("zones_any"), ZONE_TESTS)
     base = replace(base, frames=ENCODER_FRAMES)
     flat = _with(base, network={"state": FlatConfig()})
     tested: dict[str, Any] = {"suites": (suites.ZONES,)}
@@ -171,7 +172,7 @@ def _pretraining(encoder: TaskEncoderConfig) -> Config:
         SCHEDULE,
         env=SingleStateConfig(ZoneEnv(zones.OPEN).propositions),
         task=WIDE,
-        pool=PoolConfig(size=192, rows=768, length=48, period=4),
+        pool=PoolConfig(size=192, rows=768, length=48, period=4, unseen=",".join(dict.fromkeys(ZONE_TESTS))),
         learner=replace(
             learner,
             network=replace(learner.network, task_encoder=encoder),
