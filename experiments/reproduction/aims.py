@@ -5,7 +5,7 @@ from pathlib import Path
 
 from experiments.benchmarks import measured
 from experiments.reproduction.page import table
-from experiments.reproduction.speed import in_time
+from experiments.reproduction.scaling import in_time
 
 T1TL, T2TL = "zone_ppo_long:t1tl", "zone_ppo_long:t2tl"
 ONE, TWELVE = "1 seed", "12 seeds"

@@ -68,8 +68,8 @@ def check_context(context: ContextConfig | None, state: StateEncoderConfig, by_t
         )
     if not state.in_windows:
         raise ValueError(
-            f"a context window takes flat states, or merged ones under PPO, without parameters: it {got}; use flat, or "
-            "network.state=merged where lidars can be merged, or network.context=None"
+            f"no context window can hold these states: it {got}; use flat, or network.state=merged where lidars can be "
+            "merged, or network.context=None"
         )
     if not context.recompute:
         raise ValueError(

@@ -256,7 +256,8 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     run = runs["any-zones"]
     of = figures(run)
     rates = {task: float(np.nanmean(of[task][SAMPLED]["success_rate"])) for task in suites.ZONES.tasks}
-    weakest = min(suites.ZONE_HARD, key=rates.__getitem__)
+    rest = suites.ZONE_HARD
+    weakest = min(rest, key=rates.__getitem__)
 
     def ours(figure: str, digits: int = 3) -> str:
         return over_tasks(of, suites.ZONE_Z, SAMPLED, figure).text(digits)
@@ -269,15 +270,16 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     genz = ZONES["GenZ-LTL"][weakest].success
     hardware = ", ".join(sorted({name.replace("NVIDIA ", "") for name in run.versions["devices"]}))
     alone = "alone" if run.status.get("alone") else "beside other trainings"
-    text_reaches, z = _of_text(runs), f"{ours('success_rate')} in {ours('success_length', 0)} steps"
-    return (
-        "*One agent in the open ZoneEnv, formulas and a map that it was not trained on. The task's code is read off "
-        f"its table, and lidars are merged by it; a Transformer's, beside flat lidars, {text_reaches}. On z1 to z6 "
-        f"success is {z} (DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: "
-        f"{theirs('GenZ-LTL')}); {weakest} {rates[weakest]:.3f} (GenZ-LTL {genz:.3f}), twelve discs in turn "
-        f"{rates['reach_12']:.2f}. {len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames: "
-        f"{run.train_seconds:.0f} s on one {hardware}, {alone}.*"
+    parts = (
+        "*One agent, and formulas and a map from outside its training, in the open ZoneEnv. It reads the task's code",
+        f"off the table, and merges lidars by it; a Transformer's code beside plain lidars {_of_text(runs)}. Success on z1",
+        f"to z6: {ours('success_rate')} in {ours('success_length', 0)} steps (DeepLTL's own files:",
+        f"{theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')}); on the weakest of {len(rest)} others, {weakest}:",
+        f"{rates[weakest]:.3f} (GenZ-LTL {genz:.3f}); on twelve discs in turn: {rates['reach_12']:.2f}.",
+        f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames took {run.train_seconds:.0f} s, and",
+        f"{run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.*",
     )
+    return " ".join(parts)
 
 
 def _of_text(runs: Mapping[str, Stored]) -> str:
