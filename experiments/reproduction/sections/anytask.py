@@ -271,13 +271,15 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     hardware = ", ".join(sorted({name.replace("NVIDIA ", "") for name in run.versions["devices"]}))
     alone = "alone" if run.status.get("alone") else "beside other trainings"
     parts = (
-        "*One agent, and formulas and a map from outside its training, in the open ZoneEnv. It reads the task's code",
-        f"off the table, and merges lidars by it; a Transformer's code beside plain lidars {_of_text(runs)}. Success on z1",
-        f"to z6: {ours('success_rate')} in {ours('success_length', 0)} steps (DeepLTL's own files:",
-        f"{theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')}); on the weakest of {len(rest)} others, {weakest}:",
-        f"{rates[weakest]:.3f} (GenZ-LTL {genz:.3f}); on twelve discs in turn: {rates['reach_12']:.2f}.",
-        f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames took {run.train_seconds:.0f} s, and",
-        f"{run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.*",
+        "*One agent, and formulas and a map from outside its training, in the open ZoneEnv.",
+        "It reads the task's code off the table, and merges lidars by it;",
+        f"a Transformer's code beside plain lidars {_of_text(runs)}.",
+        f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
+        f"(DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')});",
+        f"on the weakest of {len(rest)} others, {weakest}: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",
+        f"on twelve discs in turn: {rates['reach_12']:.2f}.",
+        f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames took {run.train_seconds:.0f} s,",
+        f"and {run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.*",
     )
     return " ".join(parts)
 
