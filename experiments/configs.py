@@ -265,25 +265,29 @@ register_config(
     "water_any",
     Config(
         env=WaterWorldConfig(layout="random"),
-        task=Chains(depth=(1, 3)),
+        task=Chains(depth=(1, 5), avoid=(0, 4)),
         pool=PoolConfig(size=256, rows=1024, period=1_000_000),
         random_starts=0.5,
         learner=PPOConfig(
             network=NetworkConfig(
-                task_encoder=LookaheadConfig(), state=ObjectsConfig(), env_layers=(), observation="raw"
+                task_encoder=LookaheadConfig(),
+                state=ObjectsConfig(identity="role"),
+                env_layers=(),
+                observation="raw",
             ),
-            num_envs=4096,
+            num_envs=2048,
             unroll_length=64,
-            minibatch_size=16_384,
+            minibatch_size=8192,
             discount=0.99,
             gae_lambda=0.95,
-            entropy_coefficient=0.01,
+            entropy_coefficient=0.001,
+            learning_rate=1e-3,
             anneal_learning_rate=True,
         ),
         frames=150_000_000,
         episode_length=waterworld.EPISODE_LENGTH,
     ),
-    "random chains on random maps of WaterWorld by PPO: a network over balls, the look-ahead as the task's code",
+    "random chains on random maps of WaterWorld by PPO: a network over balls that is told their roles",
 )
 
 # One agent for every task of an environment. The code of a task is read off its table, so that nothing but moving is to
@@ -297,7 +301,7 @@ _ANY = PPOConfig(
 )
 
 
-def _any_tasks(chains: Chains) -> Mixture:
+def any_tasks(chains: Chains) -> Mixture:
     """Chains, and pairs of shorter ones."""
     short = replace(chains, depth=(1, 2))
     return Mixture((chains, Conjunction(short, (2, 2))), (0.5, 0.5))
@@ -307,7 +311,7 @@ register_config(
     "zones_any",
     Config(
         env=replace(zones.OPEN, physics="closed_form"),
-        task=_any_tasks(Chains(depth=(1, 3))),
+        task=any_tasks(Chains(depth=(1, 3))),
         pool=PoolConfig(size=512, rows=1024, period=64, finish=True, unseen=",".join(f"z{n}" for n in range(1, 7))),
         random_starts=0.3,
         learner=_ANY,
@@ -321,7 +325,7 @@ register_config(
     "letters_any",
     Config(
         env=LetterWorldConfig(),
-        task=_any_tasks(Chains(depth=(1, 3), avoid=(0, 3))),
+        task=any_tasks(Chains(depth=(1, 3), avoid=(0, 3))),
         pool=PoolConfig(
             size=512, rows=2048, period=64, finish=True, unseen=",".join(f"letters_{n}" for n in range(1, 6))
         ),
@@ -374,13 +378,13 @@ register_config(
     "flat_any",
     Config(
         env=FlatWorldConfig(),
-        task=_any_tasks(Chains(depth=(1, 3), goals=flatworld.LETTERS)),
+        task=any_tasks(Chains(depth=(1, 3), goals=flatworld.LETTERS)),
         pool=PoolConfig(size=256, rows=1024, period=64, finish=True, unseen=",".join(f"flat_{n}" for n in range(1, 6))),
         random_starts=0.5,
         learner=replace(
             _ANY,
             network=NetworkConfig(
-                task_encoder=LookaheadConfig(letters=flatworld.LETTERS, farther=True),
+                task_encoder=LookaheadConfig(letters=flatworld.LETTERS, farther=True, avoid_farther=True),
                 env_layers=(256, 128),
                 actor_layers=(256, 256),
                 critic_layers=(256, 256),
@@ -391,7 +395,7 @@ register_config(
             learning_rate=1e-3,
             anneal_learning_rate=True,
         ),
-        frames=40_000_000,
+        frames=50_000_000,
         map_period=32,
         episode_length=flatworld.EPISODE_LENGTH,
     ),

@@ -15,7 +15,7 @@ _CODES = tuple(
     f"any-zones{name}"
     for name in (
         *("", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
-        *("-roles-merged", "-names", "-nothing", "-transformer-fresh"),
+        *("-roles-merged", "-names", "-nothing", "-transformer-fresh", "-transformer-long"),
     )
 )
 _PRETRAINED = tuple(f"any-pretraining-{name}" for name in ("automaton", "transformer", "rgcn", "gru"))
