@@ -266,7 +266,7 @@ register_config(
     Config(
         env=WaterWorldConfig(layout="random"),
         task=Chains(depth=(1, 5), avoid=(0, 4)),
-        pool=PoolConfig(size=256, rows=1024, period=1_000_000),
+        pool=PoolConfig(size=256, rows=1024, period=64, finish=True),
         random_starts=0.5,
         learner=PPOConfig(
             network=NetworkConfig(
@@ -277,14 +277,15 @@ register_config(
             ),
             num_envs=2048,
             unroll_length=64,
-            minibatch_size=8192,
-            discount=0.99,
+            minibatch_size=4096,
+            discount=0.98,
             gae_lambda=0.95,
             entropy_coefficient=0.001,
             learning_rate=1e-3,
             anneal_learning_rate=True,
         ),
         frames=150_000_000,
+        map_period=32,
         episode_length=waterworld.EPISODE_LENGTH,
     ),
     "random chains on random maps of WaterWorld by PPO: a network over balls that is told their roles",
