@@ -135,7 +135,8 @@ def _encoders() -> dict[str, Run]:
         new[f"any-zones-{name}"] = _run(_encoder(flat, encoder), ENCODER_SEEDS, **tested)
     for name, encoder in LEARNED.items():
         before = f"any-pretraining-{name}"
-        new[before] = Run(_pretraining(encoder), seeds=ENCODER_SEEDS, first_seed=FIRST_SEED, evaluated=False)
+        pretraining = Run(_pretraining(encoder), seeds=ENCODER_SEEDS, first_seed=FIRST_SEED, evaluated=False)
+        new[before] = replace(pretraining, suites=(suites.READ_ALONE,))
         config = replace(_encoder(flat, encoder), pretrained="auto")
         config = _with(config, network={"freeze_task_encoder": True})
         more = (suites.EXCHANGED,) if name == "transformer" else ()

@@ -50,6 +50,9 @@ MORE_COLOURS = (
 )
 EXCHANGED = Suite("texts exchanged", ZONE_Z, exchanged=True)
 
+READ_ALONE = Suite("read alone", ZONES.tasks)
+"""For agents of the world of a single state, where nothing is to be done but to read."""
+
 LETTERS = Suite("letters", (*(f"letters_{n}" for n in range(1, 6)), "letters_avoid_6"))
 LETTERS_LONG = Suite("letters, 150 moves", ("letters_reach_12",), limit=150)
 LETTER_MAPS = Suite("letters with their maps", ("letters",), "maps")

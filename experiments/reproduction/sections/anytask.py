@@ -221,10 +221,10 @@ LEVELS: dict[str, tuple[str, ...]] = {
 
 
 def levels(runs: Mapping[str, Stored]) -> str:
-    """Success of every code at every level, and what each cost."""
+    """Success of every code at every level, what longer training changes, what was read before, and what each cost."""
     rows, costs = [], []
     for name, run in runs.items():
-        if name.startswith("any-pretraining"):
+        if name.startswith(PRETRAINED):
             continue
         of, cells = figures(run), []
         for tasks in LEVELS.values():
@@ -237,15 +237,58 @@ def levels(runs: Mapping[str, Stored]) -> str:
         "Success of the sampled policy. Intervals of levels are over seeds and tasks, both as samples. Codes compare "
         "only where the state is the same and the budget, below; merged lidars are most of what the first two gain."
     )
+    longer = [("any-zones-transformer-long", "any-zones-transformer")]
+    tested_on = {name: _of_each_seed(runs[name]) for pair in longer for name in pair if name in runs}
     return "\n\n".join(
         part
         for part in (
             table(("code", "state", "training", "same family", *LEVELS), rows),
             said if rows else "",
+            differences(runs, longer, tested_on, "success, mean of z1 to z6"),
+            read_alone(runs),
             table(("code", "seeds", *COST), costs),
         )
         if part
     )
+
+
+PRETRAINED = "any-pretraining-"
+"""What the names of runs begin with that train codes in the world of a single state."""
+
+
+def _of_each_seed(run: Stored) -> dict[int, float]:
+    """Success of each seed, the mean of z1 to z6; nothing of a run that was not tested on them."""
+    of = figures(run)
+    if not set(suites.ZONE_Z) <= of.keys():
+        return {}
+    means = np.mean([of[task][SAMPLED]["success_rate"] for task in suites.ZONE_Z], axis=0)
+    return dict(zip(run.seeds, means.tolist(), strict=True))
+
+
+def read_alone(runs: Mapping[str, Stored]) -> str:
+    """What the codes that were trained before can be read for, where nothing is to be done but to read."""
+    rows = []
+    for name, run in runs.items():
+        if not name.startswith(PRETRAINED):
+            continue
+        of, shares = figures(run), met.read(run.path)
+        cells = [
+            over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if set(tasks) <= of.keys() else "-"
+            for tasks in (suites.ZONE_Z, suites.ZONE_HARD)
+        ]
+        rows.append((name.removeprefix(PRETRAINED), share(run.end("success_rate")), *cells, _rows_met(shares)))
+    heading = ("code, before", "training", "z1 to z6", "harder", "open rows of z1 to z6 met, renamed")
+    said = (
+        "What codes were worth where they were trained before, in the world of a single state: there an action is a "
+        "proposition, and nothing is to be done but to read."
+    )
+    return f"{said}\n\n{table(heading, rows)}" if rows else ""
+
+
+def _rows_met(shares: Mapping[str, Mapping[str, str]]) -> str:
+    """Of all open rows of z1 to z6 together, how many a training met up to renaming of propositions."""
+    found = [shares["renamed"][task].split("/") for task in suites.ZONE_Z if task in shares["renamed"]]
+    return f"{sum(int(met) for met, _ in found)}/{sum(int(of) for _, of in found)}" if found else "-"
 
 
 def in_short(runs: Mapping[str, Stored]) -> str:
@@ -314,13 +357,17 @@ def memory(names: Sequence[str], runs: Mapping[str, Stored]) -> str:
         for name, run in runs.items()
     ]
     pairs = [(first, second) for k, first in enumerate(names) for second in names[k + 1 :]]
+    states = {name: _state(run) for name, run in runs.items()}
+    alike = [(one, other) for one, other in pairs if states.get(one) == states.get(other)]
     success = {name: own_family(run) for name, run in runs.items()}
     returns = {name: run.by_seed("discounted_return") for name, run in runs.items()}
     heading = ("policy", "state", "success", "success of the mode", "steps", "return", "parameters", *COST)
+    apart = "Policies are compared where they read the same state; the others are not measured with it yet."
     parts = (
         table(heading, rows),
-        differences(runs, pairs, success, "success on unseen formulas and maps"),
-        differences(runs, pairs, returns, "discounted return"),
+        differences(runs, alike, success, "success on unseen formulas and maps"),
+        differences(runs, alike, returns, "discounted return"),
+        apart if len(set(states.values())) > 1 else "",
     )
     return "\n\n".join(part for part in parts if part)
 

@@ -3,10 +3,13 @@
 import itertools
 from collections.abc import Mapping
 
+import numpy as np
+
 from experiments import fairness
 from experiments.paper import published_water
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import runs as named
+from experiments.reproduction.cells import text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
@@ -120,13 +123,38 @@ def water_beginning(runs: Mapping[str, Stored]) -> str:
 
 
 def published_program(runs: Mapping[str, Stored]) -> str:
-    """The published program beside the curve that it is said to have made."""
+    """The published program beside the curve that it is said to have made, and its seeds by whether they learn."""
     labels = {"zone-published": "t2tl as published"}
     published = {"zone-published": ZONE_CURVES["T2TL_pre (published)"]}
     return _joined(
         methods(runs, labels, {name: curve[1][-1] for name, curve in published.items()}),
         curves_by_frames(runs, labels, ZONE_MARKS, published),
+        *(found_or_not(run) for run in runs.values()),
     )
+
+
+FOUND = 0.5
+"""Success in some iteration of training by which a seed counts as one that has found the task."""
+
+
+def found_or_not(run: Stored) -> str:
+    """How the seeds that have found the task in training end, and what the others do."""
+    ends = run.end("discounted_return")
+    best = dict(zip(run.seeds, np.nanmax(run.metrics["success_rate"], axis=1).tolist(), strict=True))
+    found = [seed for seed in run.seeds if best[seed] > FOUND]
+    others = [seed for seed in run.seeds if seed not in found]
+    rows = [
+        (
+            said,
+            str(len(seeds)),
+            text({seed: ends[seed] for seed in seeds}),
+            text({seed: best[seed] for seed in seeds}),
+        )
+        for said, seeds in ((f"more than {FOUND:.0%} in some iteration", found), ("never that much", others))
+        if seeds
+    ]
+    heading = ("success in training", "seeds", "return at the end", "best success in training")
+    return table(heading, rows)
 
 
 def _joined(*parts: str) -> str:
