@@ -270,7 +270,7 @@ register_config(
         random_starts=0.5,
         learner=PPOConfig(
             network=NetworkConfig(
-                task_encoder=LookaheadConfig(),
+                task_encoder=LookaheadConfig(one_at_a_time=True),
                 state=ObjectsConfig(identity="role"),
                 env_layers=(),
                 observation="raw",
@@ -278,7 +278,7 @@ register_config(
             num_envs=2048,
             unroll_length=64,
             minibatch_size=4096,
-            discount=0.98,
+            discount=0.99,
             gae_lambda=0.95,
             entropy_coefficient=0.001,
             learning_rate=1e-3,

@@ -33,6 +33,10 @@ class LookaheadConfig(TaskEncoderConfig):
     avoid_farther: bool = False
     """Count what leads farther among what fails as well, so that a network that has learned to avoid the one avoids the
     other before it has met such a task; `farther` still tells them apart. Needs that."""
+    one_at_a_time: bool = False
+    """Count only ways on which at most one proposition holds at a time, as where objects seldom overlap. Else,
+    where several can hold, `F(a & F b)` is true after a single letter, and a alone brings it no nearer. Of what takes
+    several at once the code then knows no way."""
     letters: tuple[str, ...] = ()
     """What can hold at once, where that is more or less than each proposition by itself: 'Blue & Green' for both and
     nothing else. Only such ways count, and each of these is told of instead of the propositions. Empty for every
@@ -42,6 +46,10 @@ class LookaheadConfig(TaskEncoderConfig):
         checks.counts(self, "propositions", "steps")
         if self.avoid_farther and not self.farther:
             raise ValueError("avoid_farther=True needs farther=True, which tells what leads farther from what fails")
+        if self.one_at_a_time and self.letters:
+            raise ValueError(
+                f"task_encoder.letters={self.letters} says what can hold at once already; leave one_at_a_time=False"
+            )
         if len({_holds(letter) for letter in self.letters}) < len(self.letters):
             raise ValueError(f"a letter comes twice in task_encoder.letters={self.letters}")
 
@@ -124,7 +132,7 @@ class LookaheadTaskEncoder(nn.Module):
         """float32[rows, code_size]."""
         config, labels = self.config, _labels(self.config, table)
         alone, letters = table.letter(jnp.asarray(labels)), None
-        if config.letters:
+        if config.letters or config.one_at_a_time:
             letters = jnp.concatenate([table.letter(jnp.zeros((1, len(table.propositions)), bool)), alone])
         distance = distance_to_true(table, letters)
         shortest = nearest_to_true(table, distance, letters)

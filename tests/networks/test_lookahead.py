@@ -34,7 +34,8 @@ def slow_code(table: TaskTable, row: int, config: LookaheadConfig) -> list[float
     """The same code, step by step, from the automaton in plain Python."""
     automaton = table.automaton()
     names = [letter.split(" & ") for letter in config.letters] or [[name] for name in table.propositions]
-    letters = [automaton.letter(of) for of in ([], *names)] if config.letters else range(automaton.next_row.shape[1])
+    some = config.letters or config.one_at_a_time
+    letters = [automaton.letter(of) for of in ([], *names)] if some else range(automaton.next_row.shape[1])
 
     def distance(start: int) -> float:
         front, seen, steps = {start}, {start}, 0
@@ -62,7 +63,7 @@ def slow_code(table: TaskTable, row: int, config: LookaheadConfig) -> list[float
     for _ in range(config.steps):
         code += told(now)
         now = min((int(automaton.next_row[now, letter]) for letter in letters), key=distance)
-    far = 0.0 if automaton.verdict[row] else distance(row)
+    far = 0.0 if automaton.verdict[row] or np.isinf(distance(row)) else distance(row)
     return [*code, far]
 
 
@@ -71,6 +72,7 @@ def slow_code(table: TaskTable, row: int, config: LookaheadConfig) -> list[float
     [
         ("at_most_one", CONFIG),
         ("every_subset", CONFIG),
+        ("every_subset", dataclasses.replace(CONFIG, one_at_a_time=True)),
         ("at_most_one", dataclasses.replace(CONFIG, farther=True)),
         ("at_most_one", dataclasses.replace(CONFIG, farther=True, avoid_farther=True)),
         ("every_subset", LookaheadConfig(letters=("Green", "Blue & Green", "Yellow", "Magenta"), farther=True)),
@@ -95,6 +97,20 @@ def test_what_leads_farther_can_be_avoided_like_what_fails():
     assert first["fails"] == [0, 0, 0, 0] and first["both"] == [float(i == blue) for i in range(4)]
     with pytest.raises(ValueError, match="avoid_farther=True needs farther=True"):
         LookaheadConfig(avoid_farther=True)
+
+
+def test_of_what_may_hold_together_one_thing_comes_after_the_other_if_only_one_counts_at_a_time():
+    """Where balls can overlap, F(Green & F Yellow) is true after one letter, and Green alone brings it no nearer."""
+    table = table_of("F(Green & F Yellow)", alphabet="every_subset")
+    row, green = int(table.initial_row[0]), table.propositions.index("Green")
+    code = {
+        alone: look(dataclasses.replace(CONFIG, propositions=4, one_at_a_time=alone), table)[row]
+        for alone in (False, True)
+    }
+    assert code[False][-1] == 1 and not code[False][4:8].any()
+    assert code[True][-1] == 2 and code[True][4:8].tolist() == [float(i == green) for i in range(4)]
+    with pytest.raises(ValueError, match="says what can hold at once already"):
+        LookaheadConfig(letters=("Green",), one_at_a_time=True)
 
 
 def test_ways_that_cannot_be_gone_do_not_count():
