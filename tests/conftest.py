@@ -63,3 +63,11 @@ def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
     if "drawn" not in request.fixturenames:
         monkeypatch.setattr("t2tl_jax.evaluation.curves.plot_learning_curves", touch)
+
+
+@pytest.fixture
+def begins_quickly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For runs that ask nothing about where learning starts: no initialiser is compiled, see `tests/parameters.py`."""
+    from tests.parameters import begin_quickly  # loads networks, which not every session needs
+
+    begin_quickly(monkeypatch)

@@ -26,6 +26,17 @@ def parameters(network: nn.Module, *args: Any, seed: int = 0, **how: Any) -> Any
 def begun_quickly(agent: Agent) -> Agent:
     """The same learner, which begins with such parameters. They depend on the key, as they should."""
 
+    def init(key: jax.Array, env_params: TaskParams) -> Any:
+        with pytest.MonkeyPatch.context() as patch:
+            begin_quickly(patch)
+            return agent.init(key, env_params)
+
+    return agent._replace(init=init)
+
+
+def begin_quickly(patch: pytest.MonkeyPatch) -> None:
+    """From now on every network begins with such parameters, those of whole runs too."""
+
     def of(init: Any) -> Any:
         def quick(self: Any, key: jax.Array, *args: Any, **how: Any) -> Any:
             shapes = jax.eval_shape(partial(init, self, **how), key, *args)
@@ -33,13 +44,8 @@ def begun_quickly(agent: Agent) -> Agent:
 
         return quick
 
-    def init(key: jax.Array, env_params: TaskParams) -> Any:
-        with pytest.MonkeyPatch.context() as patch:
-            for network in (ActorCritic, QNetwork):
-                patch.setattr(network, "init", of(network.init))
-            return agent.init(key, env_params)
-
-    return agent._replace(init=init)
+    for network in (ActorCritic, QNetwork):
+        patch.setattr(network, "init", of(network.init))
 
 
 def _size(shapes: Any) -> int:

@@ -45,7 +45,7 @@ def changed(config, **network):
 
 
 @pytest.fixture
-def command(tmp_path):
+def command(tmp_path, begins_quickly):
     """Runs `experiments.pretrain --config zone` with small sizes and returns the new folder."""
     known: set[Path] = set()
 

@@ -23,7 +23,7 @@ CONFIG = Config(
 
 
 @pytest.mark.slow
-def test_a_resumed_run_over_pools_is_the_uninterrupted_one(tmp_path):
+def test_a_resumed_run_over_pools_is_the_uninterrupted_one(tmp_path, begins_quickly):
     """Six iterations in three pools; it is stopped in the middle of the second one."""
     named = {field.name: getattr(CONFIG, field.name) for field in dataclasses.fields(Config) if field.name != "env"}
     whole = t2tl_jax.train(ENV, folder=tmp_path / "whole", **named)
