@@ -76,7 +76,7 @@ def test_nothing_leaves_the_arena(closed_form_env):
     key = jax.random.key(0)
     heading = jax.random.uniform(key, (64,), maxval=6.28)
     qpos = jnp.stack([jnp.zeros(64), jnp.zeros(64), heading], axis=1)
-    states = jax.vmap(closed_form_env.reset_to, in_axes=(0, None))(qpos, jnp.zeros(3))
+    states = jax.jit(jax.vmap(closed_form_env.reset_to, in_axes=(0, None)))(qpos, jnp.zeros(3))
 
     def step(states, key):
         actions = jnp.array([1.0, 0.3]) * jax.random.uniform(key, (64, 2))

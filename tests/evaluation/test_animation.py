@@ -88,12 +88,11 @@ def test_text_is_wrapped_and_cut():
 )
 def test_views_agree_with_the_environment(env):
     view, params = env.view(), env.make_params(0)
-    state = env.reset(jax.random.key(1)).pipeline_state
-    scene = jax.eval_shape(view.scene, state, params)
+    actual = jax.jit(lambda key: view.scene(env.reset(key).pipeline_state, params))(jax.random.key(1))
+    scene = jax.eval_shape(lambda: actual)
     assert scene.discs.shape == (len(view.colours), 2) and scene.radii.shape == (len(view.colours),)
     assert scene.agent.shape == scene.heading.shape == (2,)
     assert set(view.colours) <= set(FILLS)
-    actual = view.scene(state, params)
     assert jnp.linalg.norm(actual.heading) <= 1.0 + 1e-6
     inside = (actual.discs > jnp.array(view.low)) & (actual.discs < jnp.array(view.high))
     assert inside.all()
@@ -102,8 +101,9 @@ def test_views_agree_with_the_environment(env):
 def test_discs_have_the_colour_that_holds_in_them():
     env = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", colours="YJWR", pool_size=2))
     zones = env.make_params(0).zones[0]
+    labels_at = jax.jit(lambda centre: env.labels(env.reset_to(jnp.append(centre, 0.0), jnp.zeros(3), zones)))
     for centre, colour in zip(zones, env.view().colours, strict=True):
-        labels = env.labels(env.reset_to(jnp.append(centre, 0.0), jnp.zeros(3), zones))
+        labels = labels_at(centre)
         assert env.propositions[int(np.argmax(labels))] == colour and labels.sum() == 1
 
 
