@@ -65,7 +65,8 @@ def test_names_stay_for_an_episode_and_all_come(water, played):
 def test_under_their_own_names_nothing_changes(water, played):
     """The same world: each colour's numbers are those of the one that bears its name."""
     states = jax.tree.map(lambda x: x[:, -1], played[0])
-    own = jax.vmap(lambda state: water.env._observe(state, water.env._given(None)))(states.pipeline_state.env)
+    observe = jax.jit(jax.vmap(lambda state: water.env._observe(state, water.env._given(None))))
+    own = observe(states.pipeline_state.env)
     for shown, inner, order in zip(states.obs, own, states.pipeline_state.order, strict=True):
         np.testing.assert_allclose(shown[:4], inner[:4], atol=1e-6)
         blocks = np.asarray(inner[4:]).reshape(4, 8)
@@ -79,7 +80,7 @@ def test_lidars_are_renamed_in_their_own_order():
     renamed = Renamed(env)
     state = jax.jit(env.reset)(jax.random.key(0))
     order = jnp.array([2, 0, 3, 1])
-    shown = renamed._shown(state, order).obs
+    shown = jax.jit(renamed._shown)(state, order).obs
     part, rest = env.observation_parts, np.ones(env.observation_size, bool)
     for name, before in enumerate(order.tolist()):
         now, then = part[env.propositions[name]], part[env.propositions[before]]

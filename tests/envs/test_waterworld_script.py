@@ -1,5 +1,6 @@
 """The hand-written player goes where it should, and beats chance by far."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -24,11 +25,12 @@ def task_env(world) -> TaskEnv:
     return TaskEnv(world, compile_tasks(named_task("phi_water"), world.propositions, world.alphabet))
 
 
+@jax.jit
 def action(wanted_at, avoided_at, wanted, avoided):
     env = WaterWorld(WaterWorldConfig(colours=("Red", "Blue"), balls_per_colour=1))
     balls = jnp.array([wanted_at, avoided_at], jnp.float32)
     state = env.reset_to(jnp.array([200.0, 200.0]), jnp.zeros(2), balls, jnp.zeros((2, 2)))
-    return int(scripted_action(state.pipeline_state, env.make_params(0), wanted, avoided))
+    return scripted_action(state.pipeline_state, env.make_params(0), wanted, avoided)
 
 
 @pytest.mark.slow
