@@ -260,12 +260,13 @@ register_config(
     "the same over WaterWorld's colours, with its size of the encoded task",
 )
 
-# One pool that stays: a new one would cut every episode short. A random start may be any sub-task of the pool.
+# Two pools take turns, so that new tasks cut no episode short. A random start may be any sub-task of a pool. Balls
+# overlap now and then, but nobody should wait for that.
 register_config(
     "water_any",
     Config(
         env=WaterWorldConfig(layout="random"),
-        task=Chains(depth=(1, 5), avoid=(0, 4)),
+        task=Chains(depth=(2, 5), avoid=(1, 4)),
         pool=PoolConfig(size=256, rows=1024, period=64, finish=True),
         random_starts=0.5,
         learner=PPOConfig(
@@ -280,11 +281,11 @@ register_config(
             minibatch_size=4096,
             discount=0.99,
             gae_lambda=0.95,
-            entropy_coefficient=0.001,
+            entropy_coefficient=0.0003,
             learning_rate=1e-3,
             anneal_learning_rate=True,
         ),
-        frames=150_000_000,
+        frames=60_000_000,
         map_period=32,
         episode_length=waterworld.EPISODE_LENGTH,
     ),
