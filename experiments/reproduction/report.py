@@ -60,7 +60,7 @@ themselves are kept out of all pools of the agents, under whatever names, but fo
 `Until_1_2_1_1` and of the lists with maps. What encoders met in their pre-training has a column of its own; commit
 7a3bbdf kept nothing out of it. The settings of any-zones, any-flat and any-water, whose seeds begin with 40, were
 chosen on seeds from 100 on after results of earlier settings had been seen, and what was tried was tested on these very
-formulas: the agents have not seen them, we have. For WaterWorld that were eight settings, of which success and steps on
+formulas: the agents have not seen them, we have. For WaterWorld these were eight settings; success and steps on
 `phi_water` decided. Aims are judged by the mean itself, not by its interval, unless they say worst. Seconds are upper
 bounds: several trainings shared a GPU.
 Figures of others, see `experiments/paper/published_any.py`: DeepLTL's, RAD's, GCRL-LTL's and LTL2Action's come from

@@ -154,7 +154,11 @@ def found_or_not(run: Stored) -> str:
         if seeds
     ]
     heading = ("success in training", "seeds", "return at the end", "best success in training")
-    return table(heading, rows)
+    said = (
+        "Where some seeds never find the task, they and not the others keep the mean behind the published curve. Why "
+        "they do not is open; [methods](methods.md) lists what of the published code is left out."
+    )
+    return "\n\n".join((table(heading, rows), said))
 
 
 def _joined(*parts: str) -> str:
