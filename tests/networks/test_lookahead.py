@@ -7,12 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from experiments import configs  # noqa: F401, registers the configurations
 from t2tl_jax.ltl import TaskTable, compile_pool, compile_reward_machines, compile_tasks, named_machines
 from t2tl_jax.networks.automaton_encoder import AutomatonConfig
 from t2tl_jax.networks.joined import JoinedConfig
 from t2tl_jax.networks.lookahead import LookaheadConfig, LookaheadTaskEncoder
 from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
+from t2tl_jax.registry import make_env, named_config
+from t2tl_jax.runs.pools import make_pools
 from tests.parameters import parameters
 
 COLOURS = ("Blue", "Green", "Magenta", "Yellow")
@@ -223,3 +226,15 @@ def test_it_may_stand_in_a_loss():
     slope = jax.jit(jax.grad(lambda weight: (weight * encoder.apply({}, table)).sum()))(jnp.float32(2.0))
     assert slope == look(CONFIG, table).sum()
     assert not jax.tree.leaves(jax.eval_shape(encoder.init, jax.random.key(0), table))
+
+
+def test_the_agent_of_waterworld_is_told_a_goal_in_every_open_row():
+    """Balls can overlap there, and where letters of several balls count, no single one brings a chain nearer."""
+    config = named_config("water_any")
+    pool = make_pools(config, make_env(config.env)).training(0)
+    reader = config.learner.task_encoder
+    told = look(reader, pool)[:, : reader.kinds * reader.told].reshape(pool.num_rows, reader.kinds, -1)
+    is_open = np.asarray(pool.verdict) == 0
+    assert is_open.sum() > 100 and told[is_open, 1].any(axis=-1).all()
+    blind = look(dataclasses.replace(reader, one_at_a_time=False), pool)
+    assert not blind[:, : reader.kinds * reader.told].reshape(pool.num_rows, reader.kinds, -1)[is_open, 1].any(-1).all()
