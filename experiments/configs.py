@@ -261,7 +261,7 @@ register_config(
 )
 
 # Two pools take turns, so that new tasks cut no episode short. A random start may be any sub-task of a pool. Balls
-# overlap now and then, but nobody should wait for that.
+# overlap now and then, which is not to be waited for, so the code counts one ball at a time.
 register_config(
     "water_any",
     Config(

@@ -123,7 +123,8 @@ class LookaheadTaskEncoder(nn.Module):
 
     The way takes the letter that leads to the least distance, the first of several. Where propositions hold together
     only in pairs, none of them is the one that brings the row nearer. True and false are zeros, and so is every step
-    behind the end of the way.
+    behind the end of the way. Where no way counts that leads to true, the distance is 0, what fails is told at every
+    step, and whatever leads there leads farther away.
     """
 
     config: LookaheadConfig

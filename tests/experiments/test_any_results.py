@@ -23,11 +23,14 @@ from experiments.reproduction.anytask.suites import Suite
 from experiments.reproduction.changed import changed
 from experiments.reproduction.plan import Run
 from experiments.reproduction.runs import all_runs
-from experiments.reproduction.sections import anytask
+from experiments.reproduction.sections import anycodes, anymemory, anytask
 from experiments.reproduction.sections.anytask import Bar
+from experiments.reproduction.sections.figures import found_or_not
 from t2tl_jax.ltl import Chains, Limits, compile_tasks, make_sampler, resolve_tasks
+from t2tl_jax.networks.lookahead import LookaheadConfig
+from t2tl_jax.networks.state_encoders import FlatConfig
 from t2tl_jax.registry import make_env, named_config
-from t2tl_jax.runs import interrupts
+from t2tl_jax.runs import config_files, interrupts
 from t2tl_jax.runs.config import PoolConfig
 from tests.fake_learner import CONFIG
 from tests.made_up_runs import write
@@ -251,13 +254,63 @@ def test_bars_are_reached_or_not():
 
 
 def test_levels_show_codes_side_by_side_and_what_was_not_played(zones):
-    row = cells(anytask.levels({"any-zones-transformer": zones}))["transformer"]  # of the last table, the costs
-    heading = ["state", "training", "same family", *anytask.LEVELS]
+    row = cells(anycodes.levels({"any-zones-transformer": zones}))["transformer"]  # of the last table, the costs
+    heading = ["state", "training", "same family", *anycodes.LEVELS]
     assert row == ["2", *anytask.cost(zones)]
-    table = anytask.levels({"any-zones-transformer": zones}).split("\n\n")[0]
+    table = anycodes.levels({"any-zones-transformer": zones}).split("\n\n")[0]
     shown = dict(zip(heading, cells(table)["transformer"], strict=True))
     assert shown["state"] == "merged" and shown["z1 to z6"].startswith("0.99 [") and shown["deeper"] == "-"
     assert shown["texts exchanged"].startswith("0.10")
+
+
+def test_what_longer_training_changes_needs_both_trainings(zones):
+    assert anycodes.longer_training({anycodes.LONGER: zones}) == ""
+    said = anycodes.longer_training({anycodes.LONGER: zones, anycodes.SHORTER: zones})
+    assert "0.000" in said and "2 pairs cannot give a p under 0.5." in said.replace("\n", " ")
+
+
+def test_what_can_be_read_alone_and_what_was_met_before(zones):
+    kept_out = replace(zones.config.pool, unseen="")
+    (zones.path / "config.json").write_text(config_files.to_json(replace(zones.config, pool=kept_out)))
+    row = cells(anycodes.read_alone({"any-pretraining-gru": stored.Stored(zones.path)}))["gru"]
+    assert row[1].startswith("0.99 [") and row[2] == "not measured yet" and row[3:] == ["nothing", "4/5", "-", "-"]
+    assert anycodes.read_alone({"any-zones": zones}) == ""
+
+
+def test_only_policies_that_read_the_same_state_are_compared(tmp_path):
+    config = all_runs()["any-memory-t1tl"].config
+    flat = replace(config, learner=replace(config.learner, network=replace(config.learner.network, state=FlatConfig())))
+    report = {"settings": {"checkpoint": "final", "episode_length": config.episode_length}, "policies": {}}
+    names, runs = ("any-memory-t1tl", "any-memory-t2tl", "any-memory-gru"), {}
+    for shift, (name, settings) in enumerate(zip(names, (config, flat, config), strict=True)):
+        runs[name] = write(tmp_path / name, settings, seeds=(24, 25, 26))
+        for policy in ("sampled", "deterministic"):
+            by_seed = [
+                {"seed": 24 + k} | {what: {"value": 0.1 * (k + shift)} for what in tested.FIGURES} for k in range(3)
+            ]
+            report["policies"][policy] = {"seeds": by_seed}
+        (runs[name].path / "evaluation.json").write_text(json.dumps({"evaluations": [report]}))
+    said = anymemory.memory(names, runs)
+    assert "any-memory-t1tl - any-memory-gru" in said and "any-memory-t2tl" not in said.split("tells of that state")[1]
+    assert "Corrected for 3 comparisons, 1 of which can be made so far." in said.replace("\n", " ")
+
+
+def test_an_agent_of_waterworld_that_was_told_no_goals_is_said_to_be_one(tmp_path):
+    config = all_runs()["any-water"].config
+    network = replace(config.learner.network, task_encoder=LookaheadConfig())
+    blind = replace(config, learner=replace(config.learner, network=network))
+    for settings, told in ((config, True), (blind, False)):
+        made = write(tmp_path / str(told), settings, seeds=(40, 41))
+        (made.path / tested.FILE).write_text(json.dumps({"water": {"tasks": {"phi_water": figures((1.0, 0.9))}}}))
+        said = anytask.tasks_of_run("any-water")({"any-water": made})
+        assert ("names no goal of a chain but the last" in said) != told
+
+
+def test_seeds_are_split_by_whether_training_found_the_task(tmp_path):
+    rate = np.array([[0.0, 0.9], [0.0, 0.1], [0.6, 0.2]])
+    made = write(tmp_path / "x", CONFIG, (0, 1, 2), iterations=2, success_rate=rate, discounted_return=rate)
+    found = cells(found_or_not(made))
+    assert found["more than 50% in some iteration"][0] == "2" and found["never that much"][0] == "1"
 
 
 def test_few_iterations_are_kept_as_they_are(tmp_path):
@@ -310,3 +363,6 @@ def test_runs_that_would_be_made_otherwise_today_are_named(zones):
     longer = Run(replace(zones.config, frames=2 * zones.config.frames))
     said = changed({"any-zones": zones, "gone": zones}, {"any-zones": longer})
     assert "not measured yet: any-zones (`frames`)." in said.replace("\n", " ")
+    later = {"any-zones": longer, "after": Run(zones.config, before="any-zones")}
+    said = changed({"any-zones": zones, "after": zones}, later)
+    assert "after (those of any-zones, from which it starts)" in said.replace("\n", " ")

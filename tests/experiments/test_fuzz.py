@@ -255,7 +255,9 @@ def test_run_folders(finished_run, command):
             if command == "resume":
                 code, errors = said(run.main, "--resume", str(folder), "--frames", "300")
             else:
-                code, errors = said(evaluate.main, str(folder), "--episodes", "4")  # as in `test_damaged_runs.py`
+                code, errors = said(
+                    evaluate.main, str(folder), "--episodes", "4"
+                )  # `test_damaged_runs.py` has its program
             assert is_polite(code, errors), (how, code, errors)
             assert code == 0 or digests(folder) == before, how
 

@@ -76,6 +76,7 @@ def slow_code(table: TaskTable, row: int, config: LookaheadConfig) -> list[float
         ("at_most_one", CONFIG),
         ("every_subset", CONFIG),
         ("every_subset", dataclasses.replace(CONFIG, one_at_a_time=True)),
+        ("every_subset", dataclasses.replace(CONFIG, one_at_a_time=True, farther=True, avoid_farther=True)),
         ("at_most_one", dataclasses.replace(CONFIG, farther=True)),
         ("at_most_one", dataclasses.replace(CONFIG, farther=True, avoid_farther=True)),
         ("every_subset", LookaheadConfig(letters=("Green", "Blue & Green", "Yellow", "Magenta"), farther=True)),

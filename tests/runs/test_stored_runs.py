@@ -37,7 +37,8 @@ def assert_same_run(one, other):
 
 @pytest.mark.slow
 def test_files_of_a_run(train, read_json, drawn):
-    folder = train("--frames", "1e3", "--seeds", "0,5", "--run.evaluation-episodes", "400")  # as below
+    # Later tests evaluate as many episodes, so that they share a program.
+    folder = train("--frames", "1e3", "--seeds", "0,5", "--run.evaluation-episodes", "400")
     assert read_json(folder / "config.json")["frames"] == 1000
     assert read_json(folder / "versions.json")["started"]["packages"]["jax"] == jax.__version__
     assert read_json(folder / "status.json")["state"] == "finished"

@@ -6,7 +6,7 @@ from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
 from experiments.reproduction.anytask.runs import MEMORIES
 from experiments.reproduction.plan import Item
-from experiments.reproduction.sections import anytask
+from experiments.reproduction.sections import anycodes, anymemory, anytask
 
 GROUP = "any"
 """What ``--only`` calls all of them."""
@@ -62,13 +62,13 @@ ANY_ITEMS: dict[str, Item] = {
     "any-codes": Item(
         "Which code generalises: representations and levels, in the open ZoneEnv",
         (*_CODES, *_PRETRAINED),
-        anytask.levels,
+        anycodes.levels,
         smoke=("any-zones-transformer", "any-zones-names"),
     ),
     "any-memory": Item(
         "Memory: the open ZoneEnv with a lidar of 1.2 m",
         _MEMORIES,
-        partial(anytask.memory, _MEMORIES),
+        partial(anymemory.memory, _MEMORIES),
         smoke=("any-memory-gru",),
     ),
     "any-certificates": Item("A certificate for each formula", ("any-zones",), partial(anytask.certified, "any-zones")),

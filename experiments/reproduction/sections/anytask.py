@@ -10,8 +10,7 @@ import numpy as np
 from envs.waterworld import WaterWorldConfig
 from experiments.paper.published_any import ZONES, Published
 from experiments.reproduction.anytask import met, suites, tested
-from experiments.reproduction.cells import COST, cost, share, text
-from experiments.reproduction.claims import differences
+from experiments.reproduction.cells import COST, cost
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.statistics import CONFIDENCE, Estimate, mean, mean_rate, two_way_mean
@@ -231,99 +230,6 @@ def _measured(of: Mapping[str, Any], bar: Bar) -> tuple[float, str]:
     return values[worst], f"{values[worst]:.{digits}f} ({bar.tasks[worst]})"
 
 
-LEVELS: dict[str, tuple[str, ...]] = {
-    "z1 to z6": suites.ZONE_Z,
-    "deeper": suites.ZONE_DEEP,
-    "wider": suites.ZONE_WIDE,
-    "new combinations": suites.ZONE_NEW,
-    "harder": suites.ZONE_HARD,
-    **{f"{suite.name}": tuple(f"{task} ({suite.name})" for task in suites.SIX) for suite in suites.MORE_COLOURS},
-    "texts exchanged": tuple(f"{task} ({suites.EXCHANGED.name})" for task in suites.EXCHANGED.tasks),
-}
-"""How far from the training: tasks of each level."""
-
-
-def levels(runs: Mapping[str, Stored]) -> str:
-    """Success of every code at every level, what longer training changes, what was read before, and what each cost."""
-    rows, costs = [], []
-    for name, run in runs.items():
-        if name.startswith(PRETRAINED):
-            continue
-        of, cells = figures(run), []
-        for tasks in LEVELS.values():
-            there = set(tasks) <= of.keys()
-            cells.append(over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if there else "-")
-        label = name.removeprefix("any-zones-") if name != "any-zones" else "the agent above"
-        rows.append((label, _state(run), share(run.end("success_rate")), share(own_family(run)), *cells))
-        costs.append((label, str(len(run.seeds)), *cost(run)))
-    said = (
-        "Success of the sampled policy. Intervals of levels are over seeds and tasks, both as samples. Codes compare "
-        "only where the state is the same, the budget, and what pre-training met, below; merged lidars are most of "
-        "what the first two gain."
-    )
-    longer = [("any-zones-transformer-long", "any-zones-transformer")]
-    tested_on = {name: _of_each_seed(runs[name]) for pair in longer for name in pair if name in runs}
-    return "\n\n".join(
-        part
-        for part in (
-            table(("code", "state", "training", "same family", *LEVELS), rows),
-            said if rows else "",
-            differences(runs, longer, tested_on, "success, mean of z1 to z6"),
-            "The longer training has the same seeds, maps and codes; four pairs cannot give a p under 0.125."
-            if longer[0][0] in runs
-            else "",
-            read_alone(runs),
-            table(("code", "seeds", *COST), costs),
-        )
-        if part
-    )
-
-
-PRETRAINED = "any-pretraining-"
-"""What the names of runs begin with that train codes in the world of a single state."""
-
-
-def _of_each_seed(run: Stored) -> dict[int, float]:
-    """Success of each seed, the mean of z1 to z6; nothing of a run that was not tested on them."""
-    of = figures(run)
-    if not set(suites.ZONE_Z) <= of.keys():
-        return {}
-    means = np.mean([of[task][SAMPLED]["success_rate"] for task in suites.ZONE_Z], axis=0)
-    return dict(zip(run.seeds, means.tolist(), strict=True))
-
-
-def read_alone(runs: Mapping[str, Stored]) -> str:
-    """What the codes that were trained before can be read for, where nothing is to be done but to read."""
-    rows = []
-    for name, run in runs.items():
-        if not name.startswith(PRETRAINED):
-            continue
-        of, shares = figures(run), met.read(run.path)
-        cells = [
-            over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if set(tasks) <= of.keys() else "not measured yet"
-            for tasks in (suites.ZONE_Z, suites.ZONE_HARD)
-        ]
-        met_of = [_rows_met(shares, tasks) for tasks in (suites.ZONE_Z, suites.ZONE_HARD, suites.ZONE_WIDE)]
-        kept_out = "all tests" if run.config.pool.unseen else "nothing"
-        rows.append((name.removeprefix(PRETRAINED), share(run.end("success_rate")), *cells, kept_out, *met_of))
-    heading = (
-        *("code", "success in its pre-training", "z1 to z6, read alone", "harder, read alone", "kept out of its pools"),
-        *("rows of z1 to z6 met, up to names", "of harder", "of wider"),
-    )
-    said = (
-        "Codes are learned before, in the world of a single state, where an action is a proposition and nothing is to "
-        "be done but to read. Where nothing was kept out of that, the codes of whole test formulas were learned there, "
-        "up to names, and their lines above do not tell of unseen formulas as the others do."
-    )
-    return f"{said}\n\n{table(heading, rows)}" if rows else ""
-
-
-def _rows_met(shares: Mapping[str, Mapping[str, str]], tasks: Sequence[str]) -> str:
-    """Of all open rows of some tasks together, how many a training met up to renaming of propositions."""
-    found = [shares["renamed"][task].split("/") for task in tasks if task in shares["renamed"]]
-    return f"{sum(int(met) for met, _ in found)}/{sum(int(of) for _, of in found)}" if found else "-"
-
-
 def in_short(runs: Mapping[str, Stored]) -> str:
     """What the README says of one agent for any task in the open ZoneEnv: z1 to z6 beside others, what it is weakest
     at, and what it cost."""
@@ -349,8 +255,8 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     parts = (
         "*One agent of the open ZoneEnv; formulas and map are not of its training.",
         "It reads codes off the table and merges lidars by them;",
-        f"beside plain lidars (4 seeds, 20 million frames) its codes come to {_of_code(runs, 'lookahead')},",
-        f"a Transformer's to {_of_code(runs, 'transformer')}. Settings were chosen in sight of these formulas.",
+        f"beside plain lidars its codes come to {_of_code(runs, 'lookahead')}, a Transformer's to",
+        f"{_of_code(runs, 'transformer')}. Settings were chosen in sight of these formulas.",
         f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
         f"(DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')});",
         f"on {weakest}, the weakest of {len(rest)} others: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",
@@ -362,54 +268,18 @@ def in_short(runs: Mapping[str, Stored]) -> str:
 
 
 def _of_code(runs: Mapping[str, Stored], code: str) -> str:
-    """What another code came to on the same formulas."""
-    name = f"any-zones-{code}"
-    if name not in runs:
+    """What another code came to on the same formulas, and with which budget."""
+    run = runs.get(f"any-zones-{code}")
+    if run is None:
         return "nothing measured yet"
-    return over_tasks(figures(runs[name]), suites.ZONE_Z, SAMPLED, "success_rate").text(2)
+    success = over_tasks(figures(run), suites.ZONE_Z, SAMPLED, "success_rate").text(2)
+    return f"{success} ({len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames)"
 
 
-def _state(run: Stored) -> str:
+def state_of(run: Stored) -> str:
     """What the policy reads of observations."""
     learner: Any = run.config.learner
     return type(learner.network.state).__name__.removesuffix("Config").lower()
-
-
-def memory(names: Sequence[str], runs: Mapping[str, Stored]) -> str:
-    """With and without memory where discs are seen from near only, seed by seed on the same maps."""
-    rows = [
-        (
-            name.removeprefix("any-memory-"),
-            _state(run),
-            share(own_family(run)),
-            share(own_family(run, MODE)),
-            text(run.by_seed("success_length"), 0),
-            text(run.by_seed("discounted_return")),
-            "-" if run.sizes is None else f"{run.sizes.others:,}",
-            *cost(run),
-        )
-        for name, run in runs.items()
-    ]
-    pairs = [(first, second) for k, first in enumerate(names) for second in names[k + 1 :]]
-    # Of policies that read different states none is compared, but the planned comparisons are corrected for all.
-    states = [_state(run) for run in runs.values()]
-    alike = {name: run for name, run in runs.items() if states.count(_state(run)) > 1}
-    success = {name: own_family(run) for name, run in alike.items()}
-    mode = {name: own_family(run, MODE) for name, run in alike.items()}
-    returns = {name: run.by_seed("discounted_return") for name, run in alike.items()}
-    heading = ("policy", "state", "success", "success of the mode", "steps", "return", "parameters", *COST)
-    apart = (
-        "A policy that was trained with another state than the others is not compared with them: its line tells of "
-        "that state, not of its memory."
-    )
-    parts = (
-        table(heading, rows),
-        apart if len(set(states)) > 1 else "",
-        differences(alike, pairs, success, "success on unseen formulas and maps"),
-        differences(alike, pairs, mode, "success of the mode"),
-        differences(alike, pairs, returns, "discounted return"),
-    )
-    return "\n\n".join(part for part in parts if part)
 
 
 def certified(name: str, runs: Mapping[str, Stored]) -> str:

@@ -1,0 +1,115 @@
+"""Which code of a task generalises: agents of the open ZoneEnv with different codes, at levels of formulas."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from experiments.reproduction.anytask import met, suites
+from experiments.reproduction.cells import COST, cost, share
+from experiments.reproduction.claims import differences
+from experiments.reproduction.page import table
+from experiments.reproduction.sections.anytask import SAMPLED, figures, over_tasks, own_family, state_of
+from experiments.reproduction.stored import Stored
+
+PRETRAINED = "any-pretraining-"
+"""What the names of runs begin with that train codes in the world of a single state."""
+
+LONGER, SHORTER = "any-zones-transformer-long", "any-zones-transformer"
+"""Agents that read the same text for different numbers of frames."""
+
+LEVELS: dict[str, tuple[str, ...]] = {
+    "z1 to z6": suites.ZONE_Z,
+    "deeper": suites.ZONE_DEEP,
+    "wider": suites.ZONE_WIDE,
+    "new combinations": suites.ZONE_NEW,
+    "harder": suites.ZONE_HARD,
+    **{f"{suite.name}": tuple(f"{task} ({suite.name})" for task in suites.SIX) for suite in suites.MORE_COLOURS},
+    "texts exchanged": tuple(f"{task} ({suites.EXCHANGED.name})" for task in suites.EXCHANGED.tasks),
+}
+"""How far from the training: tasks of each level."""
+
+
+def levels(runs: Mapping[str, Stored]) -> str:
+    """Success of every code at every level, what longer training changes, what was read before, and what each cost."""
+    rows, costs = [], []
+    for name, run in runs.items():
+        if name.startswith(PRETRAINED):
+            continue
+        of, cells = figures(run), []
+        for tasks in LEVELS.values():
+            there = set(tasks) <= of.keys()
+            cells.append(over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if there else "-")
+        label = name.removeprefix("any-zones-") if name != "any-zones" else "the agent above"
+        rows.append((label, state_of(run), share(run.end("success_rate")), share(own_family(run)), *cells))
+        costs.append((label, str(len(run.seeds)), *cost(run)))
+    said = (
+        "Success of the sampled policy. Intervals of levels are over seeds and tasks, both as samples. Codes compare "
+        "only where the state is the same, the budget, and what pre-training met, below; merged lidars are most of "
+        "what the first two gain."
+    )
+    return "\n\n".join(
+        part
+        for part in (
+            table(("code", "state", "training", "same family", *LEVELS), rows),
+            said if rows else "",
+            longer_training(runs),
+            read_alone(runs),
+            table(("code", "seeds", *COST), costs),
+        )
+        if part
+    )
+
+
+def _of_each_seed(run: Stored) -> dict[int, float]:
+    """Success of each seed, the mean of z1 to z6; nothing of a run that was not tested on them."""
+    of = figures(run)
+    if not set(suites.ZONE_Z) <= of.keys():
+        return {}
+    means = np.mean([of[task][SAMPLED]["success_rate"] for task in suites.ZONE_Z], axis=0)
+    return dict(zip(run.seeds, means.tolist(), strict=True))
+
+
+def longer_training(runs: Mapping[str, Stored]) -> str:
+    """What more frames change for an agent that reads text; '' unless both trainings are there."""
+    if not {LONGER, SHORTER} <= runs.keys():
+        return ""
+    tested_on = {name: _of_each_seed(runs[name]) for name in (LONGER, SHORTER)}
+    found = differences(runs, [(LONGER, SHORTER)], tested_on, "success, mean of z1 to z6")
+    pairs = len(runs[SHORTER].seeds)
+    said = (
+        f"The longer training has the same seeds, maps and codes; a permutation of {pairs} pairs cannot give a p under "
+        f"{2 / 2**pairs:.3g}."
+    )
+    return f"{found}\n\n{said}" if found else ""
+
+
+def read_alone(runs: Mapping[str, Stored]) -> str:
+    """What the codes that were trained before can be read for, where nothing is to be done but to read."""
+    rows = []
+    for name, run in runs.items():
+        if not name.startswith(PRETRAINED):
+            continue
+        of, shares = figures(run), met.read(run.path)
+        cells = [
+            over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if set(tasks) <= of.keys() else "not measured yet"
+            for tasks in (suites.ZONE_Z, suites.ZONE_HARD)
+        ]
+        met_of = [_rows_met(shares, tasks) for tasks in (suites.ZONE_Z, suites.ZONE_HARD, suites.ZONE_WIDE)]
+        kept_out = "all tests" if run.config.pool.unseen else "nothing"
+        rows.append((name.removeprefix(PRETRAINED), share(run.end("success_rate")), *cells, kept_out, *met_of))
+    heading = (
+        *("code", "success in its pre-training", "z1 to z6, read alone", "harder, read alone", "kept out of its pools"),
+        *("rows of z1 to z6 met, up to names", "of harder", "of wider"),
+    )
+    said = (
+        "Codes are learned before, in the world of a single state, where an action is a proposition and nothing is to "
+        "be done but to read. Where nothing was kept out of that, the codes of whole test formulas were learned there, "
+        "up to names, and their lines above do not tell of unseen formulas as the others do."
+    )
+    return f"{said}\n\n{table(heading, rows)}" if rows else ""
+
+
+def _rows_met(shares: Mapping[str, Mapping[str, str]], tasks: Sequence[str]) -> str:
+    """Of all open rows of some tasks together, how many a training met up to renaming of propositions."""
+    found = [shares["renamed"][task].split("/") for task in tasks if task in shares["renamed"]]
+    return f"{sum(int(met) for met, _ in found)}/{sum(int(of) for _, of in found)}" if found else "-"
