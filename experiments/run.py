@@ -139,7 +139,8 @@ def _conclude(result: Any, stop: Any) -> None:
             for work in [threads.submit(evaluate), threads.submit(draw)]:
                 work.result()
 
-    stop.call(side_by_side, "while evaluating and drawing, with training complete")
+    cut = f"while drawing, with training cut after iteration {result.iteration:,} of {config.iterations:,}"
+    stop.call(side_by_side, "while evaluating and drawing, with training complete" if finished else cut)
     if not finished:
         return
     if said := words.ending(result):

@@ -3,10 +3,15 @@
 import signal
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+import t2tl_jax
+import tests.fake_learner  # noqa: F401
+from experiments import run
 from t2tl_jax.runs import pretraining
 from tests.fake_learner import PRETRAINING
 from tests.forked_commands import Command, Commands
@@ -87,6 +92,15 @@ def test_stop_during_training_saves_and_resumes_and_during_evaluation_keeps_the_
     assert "stopped while evaluating and drawing, with training complete; continue with --resume" in output
     whole = train("--frames", "1500", "--run.evaluation-episodes", "0")
     assert (run / "metrics.csv").read_bytes() == (whole / "metrics.csv").read_bytes()
+
+
+def test_a_stop_while_drawing_says_whether_training_was_complete(tmp_path):
+    result, heard = t2tl_jax.train("fake", folder=tmp_path / "run"), []
+    for ended in ("complete", "interrupted"):
+        cut = replace(result, ended=ended, iteration=1)
+        run._conclude(cut, SimpleNamespace(call=lambda work, when: heard.append(when)))
+    assert heard[0] == "while evaluating and drawing, with training complete"
+    assert heard[1].startswith("while drawing, with training cut after iteration 1 of ")
 
 
 def test_stop_during_automatic_pretraining_gives_one_hint_which_works(
