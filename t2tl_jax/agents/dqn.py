@@ -6,6 +6,7 @@ environment pays by itself is paid to every row, and an end that it makes is the
 `td_learning.py`. Read `make_dqn` from top to bottom: act, store, sample, update.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -205,6 +206,11 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         task_encoder_learning_rate=config.task_encoder_learning_rate,
         freeze_task_encoder=config.freezes_task_encoder,
     )
+    # To ask at every step whether the target is due for a copy would read and write all parameters each time. Between
+    # two gradient steps whose number is a multiple of the period none is, so so many steps are taken together.
+    period, rest = divmod(config.target_period, config.updates_per_step)
+    copies_between = rest == 0
+    together = math.gcd(period, config.unroll_length) if copies_between else config.unroll_length
     replay = make_replay(config.buffer_size, config.batch_size, config.num_envs, config.network.context)
 
     embed, codes_of = make_codes(
@@ -334,30 +340,31 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         buffer = replay.add(state.buffer, with_mark(stored, marked))
         return replace(state, episodes=episodes, carry=carry, buffer=buffer), done
 
-    def encode(
-        state: DQNState, table: TaskTable, known: Any, count: jax.Array
-    ) -> tuple[DQNState, Embedding, Callable | None]:
-        """The rows of the table, encoded once for acting, learning and the target's copy, which comes every so often.
+    def encode(state: DQNState, table: TaskTable, known: Any) -> tuple[Embedding, Callable | None]:
+        """The rows of the table, encoded once for acting and learning.
 
         `known` is what an encoder that is frozen or learns nothing makes of them, at every step alike; or, of rows that
         are encoded apart, their codes of before; else None. Also returns the way back from a gradient of the embedding
         to one of the parameters, where there is one.
         """
-        params, pullback = state.params, None
-        embedding: Any = known
         if apart(table):
-            embedding = partial(codes_of, params, table, known)
-        elif codes_move:
-            embedding, pullback = jax.vjp(lambda params: embed(params, table), params)
-        elif reader.learned:
+            return partial(codes_of, state.params, table, known), None
+        if codes_move:
+            return jax.vjp(lambda params: embed(params, table), state.params)
+        return known, None
+
+    def copied(state: DQNState, table: TaskTable, known: Any, count: jax.Array) -> DQNState:
+        """The target network as gradient step `count` needs it: copied if it is due."""
+        params, embedding = state.params, embed_target(state.params, table) if codes_move else known
+        if reader.learned and not codes_move:
             params = with_encoder(params, state.target_params["params"][PART])  # the same: nothing to be copied
         target_params, target_embedding = optax.periodic_update(
-            (params, () if apart(table) else embedding),
+            (params, embedding),
             (state.target_params, state.target_embedding),
             count,
             config.target_period,
         )
-        return replace(state, target_params=target_params, target_embedding=target_embedding), embedding, pullback
+        return replace(state, target_params=target_params, target_embedding=target_embedding)
 
     def update(
         state: DQNState,
@@ -421,7 +428,9 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             step, key = inputs
             act_key, *update_keys = jax.random.split(key, 1 + config.updates_per_step)
             count = step * config.updates_per_step  # of gradient steps, from which the target's copies are timed
-            state, embedding, pullback = encode(state, table, known, count)
+            if not copies_between:
+                state = copied(state, table, known, count)
+            embedding, pullback = encode(state, table, known)
 
             # ACT
             state, done = interact(state, env_params, embedding, marked, step, act_key)
@@ -430,16 +439,23 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             ready = step + 1 > config.learning_starts // config.num_envs  # without a product, which would overflow
             for i, update_key in enumerate(update_keys):
                 if i > 0:
-                    state, embedding, pullback = encode(state, table, known, count + i)
+                    if not copies_between:
+                        state = copied(state, table, known, count + i)
+                    embedding, pullback = encode(state, table, known)
                 state, scalars = update(state, table, known, embedding, pullback, marked, phi, ready, update_key)
             scores = done.task, done.total / done.elapsed
             kept = done.totals, done.state.metrics, scores, task_totals(done, table)
             return state, (kept, scalars)
 
+        def some_steps(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
+            if copies_between:
+                state = copied(state, table, known, inputs[0][0] * config.updates_per_step)
+            return jax.lax.scan(one_step, state, inputs)
+
         steps = first + jnp.arange(config.unroll_length)
-        state, ((totals, env_metrics, scores, tasks), scalars) = jax.lax.scan(
-            one_step, state, (steps, jax.random.split(scan_key, config.unroll_length))
-        )
+        keys = jax.random.split(scan_key, config.unroll_length)
+        state, kept = jax.lax.scan(some_steps, state, (steps.reshape(-1, together), keys.reshape(-1, together)))
+        (totals, env_metrics, scores, tasks), scalars = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), kept)
         scalars = jax.tree.map(jnp.mean, scalars) | env_scalars(env_metrics)
         scalars["epsilon"] = epsilon(config, first / total_steps)
         if 1 < table.num_tasks <= MAX_TASKS_APART:

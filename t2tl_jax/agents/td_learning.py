@@ -152,7 +152,8 @@ def dqn_loss(
         goal = td_target(config, table, rows, next_row, reward, chooser, target, batch.shared, batch.cut, phi)
         learns, compared = jnp.ones_like(goal, bool), table.is_open[next_row]
 
-    taken = jnp.take_along_axis(q, batch.action[:, None, None], axis=-1)[..., 0]  # [B, R]
+    # [B, R]; not looked up, since the gradient of that is scattered
+    taken = jnp.sum(q, axis=-1, where=jnp.arange(q.shape[-1]) == batch.action[:, None, None])
     error = taken - jax.lax.stop_gradient(goal)
     loss = jnp.mean(optax.losses.huber_loss(error), where=learns)
     scalars = {"q": jnp.mean(taken, where=learns), "td_error": jnp.mean(jnp.abs(error), where=learns)}

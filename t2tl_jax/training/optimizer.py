@@ -7,7 +7,7 @@ import jax
 import optax
 
 from t2tl_jax import checks
-from t2tl_jax.training.guard import only_finite
+from t2tl_jax.training.guard import clipped
 from t2tl_jax.training.transfer import PART
 from t2tl_jax.training.types import LearnerConfig, Params
 
@@ -65,7 +65,7 @@ def clipped_adam(
         step = optax.partition({PART: optax.set_to_zero(), REST: step}, _labels)
     elif task_encoder_learning_rate is not None:
         step = optax.partition({PART: adam(task_encoder_learning_rate), REST: step}, _labels)
-    return only_finite(optax.chain(optax.clip_by_global_norm(max_gradient_norm), step))
+    return clipped(step, max_gradient_norm)
 
 
 def _labels(params: Params) -> Params:
