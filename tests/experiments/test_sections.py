@@ -232,6 +232,19 @@ def test_violations_are_counted_by_episode(make):
     assert "difference" not in safe.safe({"safe-dfa": runs["safe-dfa"]})
 
 
+def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make):
+    falling = np.tile([0.0] * 5 + [0.8] + [0.0] * 3 + [0.4], (4, 1))  # eighths of ten iterations
+    runs = {
+        "water-rm-per-16": make("water-rm-per-16", q=0.25, success_rate=0.5),
+        "water-rm-every-step": make("water-rm-every-step", q=falling, success_rate=falling / 2),
+    }
+    text = ablation.small_batches(runs)
+    assert "`water-rm-every-step`" in text and "at the same step size" in text
+    assert "average 0.80 and it succeeds in 0.40" in text and "(the other: 0.25 and 0.50)" in text
+    assert text.endswith("0.40 and 0.20.")
+    assert ablation.small_batches({"water-rm-every-step": runs["water-rm-every-step"]}) == ""
+
+
 def test_return_of_recent_episodes(make):
     returns = np.tile([0.0] * 5 + [0.5] * 5, (4, 1))
     run = make("rm-single-crm", discounted_return=returns, episodes=50.0)
@@ -251,6 +264,10 @@ def test_the_benchmark_judges_counterfactual_learning_by_map(make):
     text = benchmark.benchmark(runs)
     assert outcome(text, "rm-crm > rm-ql") == "reproduced"
     assert "ql-rs, published" in text and "Corrected for 4 comparisons, 1 of which" in text
+    some = {seed: np.full(len(published_water.STEPS), 0.3 + off) for seed, off in enumerate((-0.05, 0.05, -0.05, 0.05))}
+    within, outside = benchmark.behind({"rm-ql": some, "rm-other": some}).splitlines()
+    assert within == f"{benchmark.BELOW}: rm-ql after 400,000 steps."  # 0.3 [0.21, 0.39] beside 0.33
+    assert outside.startswith(f"{benchmark.FAR_BELOW}: rm-ql after 600,000, ") and "other" not in outside
     runs["rm-single-ql"] = make("rm-single-ql")
     text = benchmark.benchmark(runs)
     assert rows(text)["ql"] == ["0.378", "0.877", "0.975", "0.986", "0.984"] and "not claimed" not in text

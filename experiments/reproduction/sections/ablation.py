@@ -19,6 +19,9 @@ WORDS = {"success_rate": "success", "discounted_return": "return"}
 CODES_NOTE = """Movement of codes: how far the open rows' codes are from where the target network has them, over their
 own size. Target lag: by how much the target network's values differ from the online ones. Both are means over steps."""
 
+EVERY = "-every-step"
+"""Ending of the names of runs with a gradient step after every step."""
+
 PRETRAINING_NOTE = """With pre-training on the axis, its frames count like those of the world though they are of a world
 of one state: nothing succeeds in them, and as many frames are cut off at the end."""
 
@@ -52,12 +55,38 @@ def ablation(
         parts = [table(heading, rows), differences(runs, pairs, areas, what, claims)]
         if codes:
             parts.append(CODES_NOTE)
+        parts.append(small_batches(runs))
         if pretraining:
             late = {name: delayed(run, unit) for name, run in runs.items()}
             parts += [differences(runs, pairs, late, f"{what}, pre-training on the axis", claims), PRETRAINING_NOTE]
         return "\n\n".join(part for part in parts if part)
 
     return section
+
+
+def small_batches(runs: Mapping[str, Stored]) -> str:
+    """What one gradient step after every step of the world does to the values learned; '' where it is not compared."""
+    pairs = [(name, f"{name.removesuffix(EVERY)}-per-16") for name in runs if name.endswith(EVERY)]
+    return "\n".join(
+        _small_batches(runs, small, large) for small, large in pairs if large in runs and "q" in runs[small].metrics
+    )
+
+
+def _small_batches(runs: Mapping[str, Stored], small: str, large: str) -> str:
+    def halfway_and_late(name: str, metric: str) -> list[float]:
+        values = runs[name].metrics[metric].mean(axis=0)
+        return [float(part.mean()) for part in np.array_split(values, 8)[3::4]]  # up to one half, and up to the end
+
+    (q, late_q), (success, late) = (halfway_and_late(small, metric) for metric in ("q", "success_rate"))
+    usual, reached = (halfway_and_late(large, metric)[0] for metric in ("q", "success_rate"))
+    rates = {runs[name].config.learner.learning_rate for name in (small, large)}  # type: ignore[attr-defined]
+    same = "at the same step size" if len(rates) == 1 else "at another step size"
+    return (
+        f"`{small}` learns from as many samples as `{large}`, in smaller batches {same}, which was not searched for. "
+        f"In the eighth before half of the training its values average {q:.2f} and it succeeds in {success:.2f} of the "
+        f"episodes (the other: {usual:.2f} and {reached:.2f}); in the last eighth, where the step size falls to 0, "
+        f"{late_q:.2f} and {late:.2f}."
+    )
 
 
 Columns = tuple[tuple[str, ...], Sequence[tuple[str, ...]]]
