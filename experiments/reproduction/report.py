@@ -111,6 +111,7 @@ def documentation(root: Path) -> Documentation:
         "docs/performance.md": {
             "trainings": speed.everything(results),
             "aims": aims(results),
+            "whole": speed.whole(paper),
             "scaling": scaling(results),
         },
         "docs/usage.md": {"plans": beside.plans(results)},

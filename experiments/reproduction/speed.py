@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.benchmarks import measured
-from experiments.reproduction.page import made_by, origin, table
+from experiments.reproduction.page import made_by, origin, paragraph, table
 from experiments.reproduction.scaling import in_time
 from experiments.reproduction.stored import Stored
 from t2tl_jax.runs.folder import read_json
@@ -140,6 +140,29 @@ def second_core(results: Path) -> str:
         runs = [Stored(results / "zone_cpu" / f"{kind}_{FIRST_TUNING_SEED}{suffix}") for kind in kinds]
         rows.append((title, *(f"{run.status['last_session']['frames_per_second_all_seeds']:,.0f}" for run in runs)))
     return table(("devices", "T1TL, MJX", "T2TL, MJX", "T1TL, closed form"), rows)
+
+
+AT_ONCE = (4, 5)
+"""So many runs of the paper mostly shared a GPU when those that are stored were made."""
+
+
+def whole(runs: Mapping[str, Stored]) -> str:
+    """What all runs of the paper took, and an estimate of what they take of one GPU; '' without any."""
+    trained = {name: run for name, run in runs.items() if "all_sessions" in run.status}  # not the table of codes
+    if not trained:
+        return ""
+    training = {name: run.train_seconds / 60 for name, run in trained.items()}
+    compiling = {name: run.compile_seconds / 60 for name, run in trained.items()}
+    trains, compiles = sum(training.values()), sum(compiling.values())
+    alone = sum(training[name] + compiling[name] for name in trained if name.endswith("-alone"))
+    most, least = (alone + (trains + compiles - alone) / count for count in AT_ONCE)
+    longest = sorted(training, key=lambda name: -training[name])[:10]
+    return paragraph(
+        f"All {len(trained)} runs: {trains:.0f} minutes of training and {compiles:.0f} of compiling, summed over runs. "
+        f"Those for reward per unit time had the GPU to themselves, {alone:.0f} minutes in all. Of the others mostly "
+        f"{AT_ONCE[0]} or {AT_ONCE[1]} shared one, which makes about {least:.0f} to {most:.0f} minutes of one H200. "
+        f"The aim was 90. The longest, in minutes: {', '.join(f'{name} {training[name]:.0f}' for name in longest)}."
+    )
 
 
 def environments(results: Path) -> str:

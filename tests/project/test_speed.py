@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -193,3 +194,15 @@ def test_aims_are_judged_by_what_is_stored(tmp_path):
     for changed in ({"devices": ["NVIDIA H200"] * 2}, {"git_modified": True}):
         measured.write(tmp_path / "benchmark_x.json", where | changed, {}, [row])
         assert "Not measured" in aims.aims(tmp_path)
+
+
+def test_the_time_of_all_runs_counts_those_alone_apart():
+    def run(training, compiling):
+        status = {"all_sessions": {"training_seconds": training, "compile_seconds": compiling}}
+        return SimpleNamespace(status=status, train_seconds=training, compile_seconds=compiling)
+
+    runs = {"a": run(6000, 600), "a-alone": run(600, 60), "b": run(540, 60), "codes": SimpleNamespace(status={})}
+    text = speed.whole(runs)
+    assert "All 3 runs: 119 minutes of training and 12 of compiling" in text
+    assert "11 minutes in all" in text and "about 35 to 41 minutes" in text  # 11 + 120 / 5 and 11 + 120 / 4
+    assert text.endswith("in minutes: a 100, a-alone 10, b 9.") and speed.whole({}) == ""
