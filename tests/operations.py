@@ -19,3 +19,19 @@ def inside(jaxpr):
         found[equation.primitive.name] += not parts
         found.update(sum(map(inside, parts), Counter()))
     return found
+
+
+def in_loops(function, *given):
+    """How often each is there by the number of loops around it: counters by depth."""
+    found: dict[int, Counter] = {}
+
+    def collect(jaxpr, depth):
+        for equation in jaxpr.eqns:
+            parts = jax.tree.leaves(equation.params, is_leaf=lambda x: hasattr(x, "jaxpr"))
+            parts = [part.jaxpr for part in parts if hasattr(part, "jaxpr")]
+            found.setdefault(depth, Counter())[equation.primitive.name] += not parts
+            for part in parts:
+                collect(part, depth + (equation.primitive.name in ("scan", "while")))
+
+    collect(jax.make_jaxpr(function)(*given).jaxpr, 0)
+    return found

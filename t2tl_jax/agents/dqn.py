@@ -206,8 +206,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         task_encoder_learning_rate=config.task_encoder_learning_rate,
         freeze_task_encoder=config.freezes_task_encoder,
     )
-    # To ask at every step whether the target is due for a copy would read and write all parameters each time. Between
-    # two gradient steps whose number is a multiple of the period none is, so so many steps are taken together.
+    # To ask whether the target is due for a copy reads and writes all parameters. It can be due only at gradient steps
+    # whose number is a multiple of the period, so steps are taken in blocks, and it is asked at their beginning.
     period, rest = divmod(config.target_period, config.updates_per_step)
     copies_between = rest == 0
     together = math.gcd(period, config.unroll_length) if copies_between else config.unroll_length
@@ -353,9 +353,11 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             return jax.vjp(lambda params: embed(params, table), state.params)
         return known, None
 
-    def copied(state: DQNState, table: TaskTable, known: Any, count: jax.Array) -> DQNState:
-        """The target network as gradient step `count` needs it: copied if it is due."""
-        params, embedding = state.params, embed_target(state.params, table) if codes_move else known
+    def copied(state: DQNState, embedding: Any, count: jax.Array) -> DQNState:
+        """The target network as gradient step `count` needs it: copied if it is due, with the rows' present codes."""
+        params = state.params
+        if callable(embedding):  # of rows that are encoded apart the target keeps no codes
+            embedding = ()
         if reader.learned and not codes_move:
             params = with_encoder(params, state.target_params["params"][PART])  # the same: nothing to be copied
         target_params, target_embedding = optax.periodic_update(
@@ -428,9 +430,9 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             step, key = inputs
             act_key, *update_keys = jax.random.split(key, 1 + config.updates_per_step)
             count = step * config.updates_per_step  # of gradient steps, from which the target's copies are timed
-            if not copies_between:
-                state = copied(state, table, known, count)
             embedding, pullback = encode(state, table, known)
+            if not copies_between:
+                state = copied(state, embedding, count)
 
             # ACT
             state, done = interact(state, env_params, embedding, marked, step, act_key)
@@ -439,9 +441,9 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             ready = step + 1 > config.learning_starts // config.num_envs  # without a product, which would overflow
             for i, update_key in enumerate(update_keys):
                 if i > 0:
-                    if not copies_between:
-                        state = copied(state, table, known, count + i)
                     embedding, pullback = encode(state, table, known)
+                    if not copies_between:
+                        state = copied(state, embedding, count + i)
                 state, scalars = update(state, table, known, embedding, pullback, marked, phi, ready, update_key)
             scores = done.task, done.total / done.elapsed
             kept = done.totals, done.state.metrics, scores, task_totals(done, table)
@@ -449,7 +451,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
 
         def some_steps(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
             if copies_between:
-                state = copied(state, table, known, inputs[0][0] * config.updates_per_step)
+                embedding = embed_target(state.params, table) if codes_move else known
+                state = copied(state, embedding, inputs[0][0] * config.updates_per_step)
             return jax.lax.scan(one_step, state, inputs)
 
         steps = first + jnp.arange(config.unroll_length)

@@ -39,9 +39,9 @@ CAUSES = {
 
 
 def clipped(optimizer: optax.GradientTransformation, max_norm: float | jax.Array) -> optax.GradientTransformation:
-    """The same optimiser on gradients clipped by their global norm, where one that is not finite changes nothing.
+    """The same optimiser on gradients clipped by their global norm; those that are not finite change no parameter.
 
-    A gradient whose norm is not finite changes no parameter, and moments take it for 0. That is `optax` chained from
+    Its moments take them for 0. That is `optax` chained from
     `clip_by_global_norm` and `optimizer`, with the same state, but the norm is computed once for both: for a small
     network that learns after every step each pass over all gradients counts.
     """

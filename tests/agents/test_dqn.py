@@ -258,18 +258,19 @@ def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(learn
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("updates_per_step", "target_period"), [(1, 9), (2, 9)])
-def test_the_target_is_copied_when_the_count_of_gradient_steps_says(env, updates_per_step, target_period):
-    """Three steps an iteration: copies fall on the beginnings of some, and for two updates a step and 9 within one."""
+@pytest.mark.parametrize(("updates_per_step", "target_period", "steps"), [(1, 6, 4), (2, 12, 4), (2, 9, 3)])
+def test_the_target_is_copied_when_the_count_of_gradient_steps_says(env, updates_per_step, target_period, steps):
+    """Some copies fall on the beginning of an iteration, others within one: between two blocks of its steps, or between
+    the two updates of a step."""
     network = dataclasses.replace(SMALL, task_encoder=OneHotConfig(size=env.table.num_rows))
-    config = dataclasses.replace(DQN, network=network, unroll_length=3, learning_starts=0)
+    config = dataclasses.replace(DQN, network=network, unroll_length=steps, learning_starts=0)
     config = dataclasses.replace(config, updates_per_step=updates_per_step, target_period=target_period)
     agent, given = make_dqn(env, config, episode_length=5, iterations=ITERATIONS), env.make_params(0)
     states, iterate = [jax.jit(agent.init)(jax.random.key(0), given)], jax.jit(agent.iterate)
     begun = [0]  # gradient steps before each state
     for _ in range(4):
         states.append(iterate(states[-1], given)[0])
-        begun.append(begun[-1] + 3 * updates_per_step)
+        begun.append(begun[-1] + steps * updates_per_step)
         due = (begun[-1] - 1) // target_period * target_period  # the last copy before the end of the iteration
         target = states[-1].target_params
         same = [jax.tree.all(jax.tree.map(lambda a, b: (a == b).all(), target, state.params)) for state in states]

@@ -232,6 +232,22 @@ def test_violations_are_counted_by_episode(make):
     assert "difference" not in safe.safe({"safe-dfa": runs["safe-dfa"]})
 
 
+def test_who_is_not_paid_and_whose_values_run_off_is_said(make):
+    """Discount .9: after 2 steps 1 is worth .9."""
+    returns = np.tile(np.array([0.9, 0.45, 0.0, 0.9])[:, None], (1, 10))
+    values = np.tile(np.array([0.5, 1.5, 0.5, 2.5])[:, None], (1, 10))
+    seen = {"length": 2.0, "discounted_return": returns, "q": values, "seeds": (1, 2, 3, 4)}
+    runs = {name: make(name, **seen) for name in ("rm-single-crm", "rm-single-crm_shaped")}
+    assert benchmark.paid(runs["rm-single-crm"]) == pytest.approx([1.0, 0.5, 0.0, 1.0])
+    text = benchmark.overvalued(runs)
+    assert "rm-single-crm on map 2 (1.5; return 0.450 at the end" in text and "rm-single-crm on map 4" in text
+    assert "shaped on map 4" in text and "shaped on map 2" not in text and "map 1" not in text
+    said = benchmark.settings(runs | {"rm-single-ql": make("rm-single-ql")})
+    assert "rm-single-crm, rm-single-crm_shaped: learning rate 0.0001, falling to 0" in said
+    assert "rm-single-ql: learning rate 3e-05, falling to 0" in said and "the time limit is an end" in said
+    assert said.endswith(benchmark.PUBLISHED_SETTINGS) and benchmark.overvalued({}) == ""
+
+
 def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make):
     falling = np.tile([0.0] * 5 + [0.8] + [0.0] * 3 + [0.4], (4, 1))  # eighths of ten iterations
     runs = {
@@ -240,8 +256,8 @@ def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make
     }
     text = ablation.small_batches(runs)
     assert "`water-rm-every-step`" in text and "at the same step size" in text
-    assert "average 0.80 and it succeeds in 0.40" in text and "(the other: 0.25 and 0.50)" in text
-    assert text.endswith("0.40 and 0.20.")
+    assert "average 0.80 over all open rows, and it succeeds in 0.40" in text and "(the other: 0.25 and 0.50)" in text
+    assert "falls to 0, 0.40 and 0.20." in text
     assert ablation.small_batches({"water-rm-every-step": runs["water-rm-every-step"]}) == ""
 
 

@@ -196,13 +196,16 @@ def test_aims_are_judged_by_what_is_stored(tmp_path):
         assert "Not measured" in aims.aims(tmp_path)
 
 
-def test_the_time_of_all_runs_counts_those_alone_apart():
-    def run(training, compiling):
-        status = {"all_sessions": {"training_seconds": training, "compile_seconds": compiling}}
-        return SimpleNamespace(status=status, train_seconds=training, compile_seconds=compiling)
+def test_the_time_of_all_runs_is_that_of_gpus_which_they_shared():
+    def run(begins, training, processors=32):
+        status = {"all_sessions": {"training_seconds": training, "compile_seconds": 60}}
+        time = f"2026-01-01T10:{begins:02}:00+00:00"
+        versions = {"time": time, "git_revision": "a", "cpu_count": processors}
+        return SimpleNamespace(status=status, versions=versions, train_seconds=training, compile_seconds=60)
 
-    runs = {"a": run(6000, 600), "a-alone": run(600, 60), "b": run(540, 60), "codes": SimpleNamespace(status={})}
-    text = speed.whole(runs)
-    assert "All 3 runs: 119 minutes of training and 12 of compiling" in text
-    assert "11 minutes in all" in text and "about 35 to 41 minutes" in text  # 11 + 120 / 5 and 11 + 120 / 4
-    assert text.endswith("in minutes: a 100, a-alone 10, b 9.") and speed.whole({}) == ""
+    # Three at once on two GPUs for two minutes, then one more minute of one; and two at once on a host with one.
+    runs = {"a": run(0, 60), "b": run(0, 60), "c": run(0, 120), "d": run(30, 240, 16), "e": run(30, 60, 16)}
+    assert speed.gpu_minutes(list(runs.values())) == 2 * 2 + 1 + 5
+    text = " ".join(speed.whole(runs | {"codes": SimpleNamespace(status={})}).split())
+    assert "All 5 runs: 9 minutes of training and 5 of compiling" in text and "busy for 10 minutes" in text
+    assert text.endswith("in minutes: d 4, c 2, a 1, b 1, e 1.") and speed.whole({}) == ""

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+import pytest
 from flax import struct
 
 from t2tl_jax.runs.checkpoints import Checkpoints
@@ -45,6 +46,21 @@ def test_a_frozen_encoder_stays_and_the_rest_moves_as_with_gradients_of_zero():
         held[frozen] = sum(leaf.shape == (3,) for leaf in jax.tree.leaves(state))
     chex.assert_trees_all_equal(params[True], params[False])
     assert held == {False: 2, True: 0}  # Adam's two moments of the encoder, which cost time to keep
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3, 0.0, np.nan, np.inf, 1e30], ids=str)
+def test_clipping_is_that_of_optax_and_what_is_not_finite_changes_no_parameter(size):
+    """1e30: every number is finite, their norm is not."""
+    optimizer = clipped_adam(1e-2, 0.2, gradient_steps=10, anneal=False)
+    usual = optax.chain(optax.clip_by_global_norm(0.2), optax.adam(1e-2))
+    finite = np.isfinite(size) and size < 1e30
+    first, then = GRADIENTS, jax.tree.map(lambda x: np.float32(size) * x, GRADIENTS)
+    (_, state), (_, expected) = (kind.update(first, kind.init(PARAMS), PARAMS) for kind in (optimizer, usual))
+    chex.assert_trees_all_close(state, expected, rtol=1e-6)  # of the same structure, in which checkpoints are stored
+    updates, state = optimizer.update(then, state, PARAMS)
+    other, expected = usual.update(then if finite else jax.tree.map(np.zeros_like, then), expected, PARAMS)
+    chex.assert_trees_all_close(state, expected, rtol=1e-6)
+    chex.assert_trees_all_close(updates, other if finite else jax.tree.map(np.zeros_like, then), rtol=1e-6)
 
 
 @struct.dataclass
