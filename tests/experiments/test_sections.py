@@ -248,6 +248,19 @@ def test_who_is_not_paid_and_whose_values_run_off_is_said(make):
     assert said.endswith(benchmark.PUBLISHED_SETTINGS) and benchmark.overvalued({}) == ""
 
 
+def test_successes_are_counted_by_the_noise_until_the_task_is_found(make):
+    """Seed 24 finds it in the sixth of ten iterations, no other does; from the third on noise is at its limit."""
+    entropy = np.tile([1.0, 1.5] + [figures.MOST_ENTROPY] * 8, (4, 1))
+    success = np.tile([0.02, 0.0] + [0.01] * 8, (4, 1))
+    success[0, 5:] = 0.9
+    run = make("zone-published", seeds=(24, 25, 26, 27), entropy=entropy, success_rate=success, episodes=100.0)
+    shown, said = rows(figures.noise(run)), figures.noise(run)
+    assert shown["24"][1:] == ["200", "2", "300", "3"] and shown["24"][0].endswith(" M")
+    assert shown["25"] == ["never", "200", "2", "800", "8"]
+    assert "6 of 600 episodes" in said and "24 of 2,400 at the limit" in said
+    assert "standard deviation is at most 1.314 (entropy 1.692 a dimension" in said
+
+
 def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make):
     falling = np.tile([0.0] * 5 + [0.8] + [0.0] * 3 + [0.4], (4, 1))  # eighths of ten iterations
     runs = {
