@@ -175,7 +175,10 @@ NEAR = 0.01
 
 
 def noise(run: Stored) -> str:
-    """Successes until a seed has found the task, while its policy's noise was at its limit and while it was not; '' if unknown."""
+    """Successes until a seed has found the task, while its policy's noise was at its limit and while it was not.
+
+    '' for a run whose entropy is not known.
+    """
     if "entropy" not in run.metrics:
         return ""
     rows, totals = [], np.zeros(4)
@@ -195,7 +198,8 @@ def noise(run: Stored) -> str:
         f"The policy's standard deviation is at most {MOST_STD:.3f} (entropy {MOST_ENTROPY:.3f} a dimension; within "
         f"{NEAR} of that is called its limit). While nothing is paid, the bonus for entropy probably drives it there. "
         "Counted are episodes before a seed has found the task. In the seeds that never do, "
-        f"{lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit. Whether a smaller bonus would help was not tried."
+        f"{lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit. Whether a smaller bonus "
+        "would help was not tried."
     )
     return f"{table(heading, rows)}\n\n{said}"
 
