@@ -198,8 +198,8 @@ def noise(run: Stored) -> str:
         f"The policy's standard deviation is at most {MOST_STD:.3f} (entropy {MOST_ENTROPY:.3f} a dimension; within "
         f"{NEAR} of that is called its limit). While nothing is paid, the bonus for entropy probably drives it there. "
         "Counted are episodes before a seed has found the task. In the seeds that never do, "
-        f"{lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit. Whether a smaller bonus "
-        "would help was not tried."
+        f"{lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit. Whether a smaller "
+        "bonus would help was not tried."
     )
     return f"{table(heading, rows)}\n\n{said}"
 
