@@ -7,22 +7,11 @@ import jax
 
 def operations(function, *given):
     """How many there are of each by name, those inside of loops and calls included, once each."""
-    return inside(jax.make_jaxpr(function)(*given).jaxpr)
-
-
-def inside(jaxpr):
-    """The same of a jaxpr."""
-    found = Counter()
-    for equation in jaxpr.eqns:
-        parts = jax.tree.leaves(equation.params, is_leaf=lambda x: hasattr(x, "jaxpr"))
-        parts = [part.jaxpr for part in parts if hasattr(part, "jaxpr")]
-        found[equation.primitive.name] += not parts
-        found.update(sum(map(inside, parts), Counter()))
-    return found
+    return sum(in_loops(function, *given).values(), Counter())
 
 
 def in_loops(function, *given):
-    """How often each is there by the number of loops around it: counters by depth."""
+    """The same by the number of loops around them: counters by depth."""
     found: dict[int, Counter] = {}
 
     def collect(jaxpr, depth):

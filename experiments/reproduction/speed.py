@@ -160,8 +160,14 @@ def whole(runs: Mapping[str, Stored]) -> str:
         f"summed over runs. By when each began they kept GPUs busy for {gpu_minutes(list(trained.values())):.0f} "
         "minutes, with several beside each other on a GPU or, where fewer were left, one; evaluation and starting are "
         "not counted. The aim was 90 minutes of one H200, and is not reached. The longest, in minutes: "
-        f"{', '.join(f'{name} {training[name]:.0f}' for name in longest)}."
+        f"{', '.join(f'{name} {training[name]:.0f}' for name in longest)}.{_benchmark_steps(trained)}"
     )
+
+
+def _benchmark_steps(runs: Mapping[str, Stored]) -> str:
+    """What a step of the reward-machine benchmark took, of all its maps at once; '' without its runs."""
+    took = [1e3 * run.train_seconds / run.frames for name, run in runs.items() if name.startswith("rm-")]
+    return f" A step of the reward-machine benchmark took {min(took):.2f} to {max(took):.2f} ms." if took else ""
 
 
 def gpu_minutes(runs: Sequence[Stored]) -> float:

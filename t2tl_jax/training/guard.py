@@ -41,9 +41,13 @@ CAUSES = {
 def clipped(optimizer: optax.GradientTransformation, max_norm: float | jax.Array) -> optax.GradientTransformation:
     """The same optimiser on gradients clipped by their global norm; those that are not finite change no parameter.
 
-    Its moments take them for 0. That is `optax` chained from
-    `clip_by_global_norm` and `optimizer`, with the same state, but the norm is computed once for both: for a small
-    network that learns after every step each pass over all gradients counts.
+    Its moments take them for 0. That is `optax.chain` of `clip_by_global_norm` and `optimizer`, with the same state,
+    but the norm is computed once, for both: for a small network that learns after every step each pass over all
+    gradients counts.
+
+    Args:
+        optimizer: what goes on with the clipped gradients.
+        max_norm: the norm beyond which a gradient is shortened to it.
     """
     chain = optax.chain(optax.identity(), optimizer)  # in the place of the clipping, whose state is as empty
 

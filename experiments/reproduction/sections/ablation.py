@@ -22,6 +22,8 @@ own size. Target lag: by how much the target network's values differ from the on
 EVERY = "-every-step"
 """Ending of the names of runs with a gradient step after every step."""
 
+TOO_HIGH = " So it probably values too highly what it does not reach, until steps are small."
+
 PRETRAINING_NOTE = """With pre-training on the axis, its frames count like those of the world though they are of a world
 of one state: nothing succeeds in them, and as many frames are cut off at the end."""
 
@@ -90,7 +92,7 @@ def _small_batches(runs: Mapping[str, Stored], small: str, large: str) -> str:
         f"world and {same}; the step size was not searched for. In the eighth before half of the training the values "
         f"of the actions in its batches average {q:.2f} over all open rows, and it succeeds in {success:.2f} of its "
         f"episodes (the other: {usual:.2f} and {reached:.2f}); in the last eighth, where the step size falls to 0, "
-        f"{late_q:.2f} and {late:.2f}. So it probably values too highly what it does not reach, until steps are small."
+        f"{late_q:.2f} and {late:.2f}." + (TOO_HIGH if q > usual and success < min(reached, late) else "")
     )
 
 

@@ -40,7 +40,7 @@ less often was not tried."""
 
 PUBLISHED_SETTINGS = """Published: learning rate 1e-05, constant, for all; 3 layers of 1,024 and heads of 256 that read
 the state's number beside the observation; each variable's gradient clipped by itself; of ql alone the time limit is an
-end. So crm and ql differ here in their learning rates too, and both fall."""
+end."""
 
 BELOW = "Below the published mean, which lies in our interval"
 FAR_BELOW = "Below the published mean, which lies outside of our interval"
@@ -174,7 +174,7 @@ def _single(runs: Mapping[str, Stored]) -> list[str]:
         *_thousands(marks),
         "over training",
         "carried out",
-        "wrong touch",
+        "wrong touch, paid or not",
         "steps at the end",
     ]
     rewarded = [

@@ -198,8 +198,7 @@ def noise(run: Stored) -> str:
         f"The policy's standard deviation is at most {MOST_STD:.3f} (entropy {MOST_ENTROPY:.3f} a dimension; within "
         f"{NEAR} of that is called its limit). Counted are episodes before a seed has found the task. In the seeds "
         f"that never do, {lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit. What "
-        "drives the noise there is open. It is not the bonus for entropy alone: without it two of four seeds went "
-        "there too, in a trial that is not kept (T1TL, closed form, no pre-training, 1.5 million frames)."
+        "drives the noise there is open."
     )
     return f"{table(heading, rows)}\n\n{said}"
 
