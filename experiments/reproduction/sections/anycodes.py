@@ -17,6 +17,9 @@ PRETRAINED = "any-pretraining-"
 LONGER, SHORTER = "any-zones-transformer-long", "any-zones-transformer"
 """Agents that read the same text for different numbers of frames."""
 
+TEXT_AIM = 0.95
+"""Success on z1 to z6 that an agent is to reach which knows of the task by its text alone."""
+
 LEVELS: dict[str, tuple[str, ...]] = {
     "z1 to z6": suites.ZONE_Z,
     "deeper": suites.ZONE_DEEP,
@@ -103,10 +106,29 @@ def read_alone(runs: Mapping[str, Stored]) -> str:
     )
     said = (
         "Codes are learned before, in the world of a single state, where an action is a proposition and nothing is to "
-        "be done but to read. Where nothing was kept out of that, the codes of whole test formulas were learned there, "
-        "up to names, and their lines above do not tell of unseen formulas as the others do."
+        "be done but to read."
     )
+    if any(kept_out == "nothing" for _, _, _, _, kept_out, *_ in rows):
+        said += (
+            " Where nothing was kept out of that, the codes of whole test formulas were learned there, up to names, "
+            "and their lines above do not tell of unseen formulas as the others do."
+        )
+    said += _reading_limits(runs)
     return f"{said}\n\n{table(heading, rows)}" if rows else ""
+
+
+def _reading_limits(runs: Mapping[str, Stored]) -> str:
+    """Whether an agent that reads text can reach its aim at all, by what its code comes to alone; '' where unknown."""
+    alone, agent = runs.get(f"{PRETRAINED}transformer"), runs.get(SHORTER)
+    if alone is None or agent is None or not {*suites.ZONE_Z} <= figures(alone).keys() & figures(agent).keys():
+        return ""
+    read, done = (over_tasks(figures(run), suites.ZONE_Z, SAMPLED, "success_rate") for run in (alone, agent))
+    if read.value is None or read.value >= TEXT_AIM:
+        return ""
+    return (
+        f" Why text stays below {TEXT_AIM} on z1 to z6: reading limits the Transformer already. Where there is nothing "
+        f"to do but to read, it carries them out in {read.text(2)} of the episodes, beside the robot in {done.text(2)}."
+    )
 
 
 def _rows_met(shares: Mapping[str, Mapping[str, str]], tasks: Sequence[str]) -> str:
