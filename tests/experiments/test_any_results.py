@@ -369,17 +369,23 @@ def test_runs_that_would_be_made_otherwise_today_are_named(zones):
     assert "after (those of any-zones, from which it starts)" in said.replace("\n", " ")
 
 
-def test_a_code_that_reads_its_formulas_is_not_said_to_be_limited_by_reading(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The sentence stands where the code alone stays below the aim, and only there."""
-    success = {"any-pretraining-transformer": 0.7, anycodes.SHORTER: 0.6}
+def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Formula by formula and seed by seed; seeds that do not pair are not put side by side."""
+    alone = np.random.default_rng(0).uniform(size=(6, 4))
+    success = {"any-pretraining-transformer": alone, anycodes.SHORTER: alone / 2}
 
-    def figures(name: str) -> dict[str, Any]:
-        values = np.full(4, success[name])
-        return {task: {anycodes.SAMPLED: {"success_rate": values}} for task in anycodes.suites.ZONE_Z}
+    def figures(run: SimpleNamespace) -> dict[str, Any]:
+        rates = zip(suites.ZONE_Z, success[run.name], strict=True)
+        return {task: {anycodes.SAMPLED: {"success_rate": values}} for task, values in rates}
 
     monkeypatch.setattr(anycodes, "figures", figures)
-    runs: Any = {name: name for name in success}
-    assert "in 0.70" in anycodes._reading_limits(runs) and "in 0.60" in anycodes._reading_limits(runs)
-    success["any-pretraining-transformer"] = 0.96
-    assert anycodes._reading_limits(runs) == ""
-    assert anycodes._reading_limits({}) == ""
+    runs: Any = {name: SimpleNamespace(name=name, seeds=(1, 2, 3, 4)) for name in success}
+    said = anycodes.text_alone(runs)
+    assert "transformer 1.00." in said.replace("\n", " ")
+    first = next(line for line in said.splitlines() if "beside the robot |" in line)
+    assert ", ".join(f"{value:.2f}" for value in alone[2] / 2) in first.split(" | ")[4]
+    assert "**not reached**" in said
+    success[anycodes.SHORTER] = np.full((6, 4), 0.96)
+    assert "**not reached**" not in anycodes.text_alone(runs)
+    runs[anycodes.SHORTER].seeds = (5, 6, 7, 8)
+    assert anycodes.text_alone(runs) == anycodes.text_alone({}) == ""
