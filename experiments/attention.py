@@ -69,7 +69,7 @@ def _read(arguments: Arguments) -> None:
     with quiet_imports():
         import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.cli import compilation_cache
-        from t2tl_jax.agents.ppo import PPOConfig
+        from t2tl_jax.agents.ppo_config import PPOConfig
         from t2tl_jax.evaluation.attention_figure import plot_attention
         from t2tl_jax.evaluation.attention_seeds import Reader
         from t2tl_jax.ltl.tokens import token_names

@@ -8,8 +8,8 @@ from envs.letterworld import LetterWorldConfig
 from envs.waterworld import WaterWorldConfig
 from envs.zones import ZoneConfig
 from experiments import controls  # noqa: F401, registers its encoders
-from t2tl_jax.agents.dqn import DQNConfig
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.ltl import Chains, Conjunction, Mixture
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig

@@ -7,8 +7,8 @@ sub-task. Sizes, learner, budget and everything else stay those of the configura
 from dataclasses import dataclass, replace
 from typing import Any
 
-from t2tl_jax.agents.dqn import DQNConfig
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.errors import UserError, explained, unknown
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig

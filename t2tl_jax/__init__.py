@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 from t2tl_jax.quiet import quiet_imports
 
 if TYPE_CHECKING:
-    from t2tl_jax.agents.dqn import DQNConfig, make_dqn
-    from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+    from t2tl_jax.agents.dqn import make_dqn
+    from t2tl_jax.agents.dqn_config import DQNConfig
+    from t2tl_jax.agents.ppo import make_ppo
+    from t2tl_jax.agents.ppo_config import PPOConfig
     from t2tl_jax.env import EnvConfig, LabelledEnv
     from t2tl_jax.errors import UserError
     from t2tl_jax.ltl import Formula, TaskTable, compile_tasks, parse, progress, register_family, sample
@@ -49,7 +51,7 @@ _HOME = {
     "Callback": "runs.callbacks",
     "Config": "runs.config",
     "ContextConfig": "networks.context",
-    "DQNConfig": "agents.dqn",
+    "DQNConfig": "agents.dqn_config",
     "EnvConfig": "env",
     "Formula": "ltl",
     "Interrupted": "runs.interrupts",
@@ -59,7 +61,7 @@ _HOME = {
     "Objects": "objects",
     "ObjectsConfig": "networks.objects",
     "OneHotConfig": "networks.task_encoders",
-    "PPOConfig": "agents.ppo",
+    "PPOConfig": "agents.ppo_config",
     "Policy": "runs.policy",
     "Prompt": "runs.prompt",
     "QNetworkConfig": "networks.q_network",

@@ -53,7 +53,7 @@ def _report(arguments: Arguments) -> None:
     with quiet_imports():
         import jax
 
-        from t2tl_jax.agents.dqn import DQNConfig
+        from t2tl_jax.agents.dqn_config import DQNConfig
 
     learner = DQNConfig(
         num_envs=arguments.num_envs,

@@ -7,8 +7,8 @@ from typing import Any, Literal, TypeAlias
 
 from envs.zones import ZoneConfig
 from experiments.reproduction.anytask.suites import Suite
-from t2tl_jax.agents.dqn import DQNConfig
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.runs.config import Config, RunConfig
 from t2tl_jax.training.seeds import parse_seeds
 

@@ -1,4 +1,4 @@
-"""Learners: one readable file each, all behind the interface of `t2tl_jax/training/types.py`.
+"""Learners: one readable file each, its constants in another, all behind the interface of `t2tl_jax/training/types.py`.
 
 Importing this package registers them, and the task encoders with them.
 """

@@ -2,18 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from flax import struct
 
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.actor_critic import ActorCritic
 from t2tl_jax.networks.context import Segment
 from t2tl_jax.training.types import Params
-
-if TYPE_CHECKING:
-    from t2tl_jax.agents.ppo import PPOConfig
 
 
 @struct.dataclass
@@ -30,7 +28,7 @@ class Batch:
 
 
 def ppo_loss(
-    config: "PPOConfig", network: ActorCritic, params: Params, task: jax.Array, batch: Batch
+    config: PPOConfig, network: ActorCritic, params: Params, task: jax.Array, batch: Batch
 ) -> tuple[jax.Array, dict[str, jax.Array]]:
     """Clipped surrogate, clipped value loss and entropy; `task` is the encoded formula of every sample, [..., dim]."""
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
@@ -61,7 +59,7 @@ def ppo_loss(
     }
 
 
-def minibatch_order(config: "PPOConfig", key: jax.Array) -> jax.Array:
+def minibatch_order(config: PPOConfig, key: jax.Array) -> jax.Array:
     """Which segments each minibatch of an epoch is made of, in the order of `in_segments`: int32[minibatches, k]."""
     segments, minibatches = config.batch_size // config.segment_length, config.num_minibatches
     if config.minibatches_of == "steps":
@@ -71,20 +69,20 @@ def minibatch_order(config: "PPOConfig", key: jax.Array) -> jax.Array:
     return (starts[:, None] + envs).reshape(minibatches, -1)
 
 
-def in_segments(config: "PPOConfig", x: jax.Array) -> jax.Array:
+def in_segments(config: PPOConfig, x: jax.Array) -> jax.Array:
     """[T, N, ...] -> [T / S x N, S, ...]."""
     segments = config.unroll_length // config.segment_length  # sizes are written out: an observation may have none
     x = x.reshape(segments, config.segment_length, *x.shape[1:])
     return jnp.moveaxis(x, 1, 2).reshape(segments * config.num_envs, config.segment_length, *x.shape[3:])
 
 
-def by_time(config: "PPOConfig", x: jax.Array) -> jax.Array:
+def by_time(config: PPOConfig, x: jax.Array) -> jax.Array:
     """[T / S x N, S] or these in several parts -> [T, N]."""
     x = x.reshape(-1, config.num_envs, config.segment_length)
     return jnp.moveaxis(x, 2, 1).reshape(config.unroll_length, config.num_envs)
 
 
-def misaligned(config: "PPOConfig", carry: Segment | tuple[()]) -> Segment:
+def misaligned(config: PPOConfig, carry: Segment | tuple[()]) -> Segment:
     """Windows as published: flattened by time and then environment, beside samples in the opposite order."""
 
     def other_order(x: jax.Array) -> jax.Array:

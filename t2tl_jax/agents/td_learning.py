@@ -2,22 +2,19 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import optax
 from flax import struct
 
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import without_newest, without_oldest
 from t2tl_jax.networks.q_network import QNetwork
 from t2tl_jax.task_env import Shared
 from t2tl_jax.training.types import Params
-
-if TYPE_CHECKING:
-    from t2tl_jax.agents.dqn import DQNConfig
-
 
 Embedding: TypeAlias = jax.Array | Callable[[jax.Array], jax.Array]
 """The codes of the table's rows, float32[rows, dim]; or from rows int32[...] to their codes [..., dim], where only
@@ -45,7 +42,7 @@ class Marked(Transition):
 
 
 def td_target(
-    config: "DQNConfig",
+    config: DQNConfig,
     table: TaskTable,
     row: jax.Array,
     next_row: jax.Array,
@@ -72,7 +69,7 @@ def td_target(
 
 
 def td_targets(
-    config: "DQNConfig",
+    config: DQNConfig,
     table: TaskTable,
     online: jax.Array,
     target: jax.Array,
@@ -108,7 +105,7 @@ def code_change(table: TaskTable, embedding: jax.Array, target_embedding: jax.Ar
 
 
 def dqn_loss(
-    config: "DQNConfig",
+    config: DQNConfig,
     network: QNetwork,
     table: TaskTable,
     params: Params,

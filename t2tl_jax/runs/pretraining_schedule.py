@@ -1,7 +1,7 @@
 """What an automatic pre-training is trained with: world, learner, random formulas, length."""
 
 from t2tl_jax import single_state
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.runs.config import Config, PoolConfig, SelectionConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig

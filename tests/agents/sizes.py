@@ -1,6 +1,6 @@
 """Sizes with which a learner solves the worlds of `tests/probe.py` within seconds."""
 
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.transformer import TransformerConfig

@@ -9,8 +9,10 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from t2tl_jax.agents.dqn import DQNConfig, make_dqn
-from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.agents.dqn import make_dqn
+from t2tl_jax.agents.dqn_config import DQNConfig
+from t2tl_jax.agents.ppo import make_ppo
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.agents.ppo_learning import Batch, ppo_loss
 from t2tl_jax.agents.td_learning import Transition, dqn_loss
 from t2tl_jax.ltl import compile_tasks

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.dqn import DQNConfig, epsilon, make_dqn
+from t2tl_jax.agents.dqn import epsilon, make_dqn
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.td_learning import Transition, code_change, dqn_loss, td_targets
 from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines, progress
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+from t2tl_jax.agents.dqn import make_dqn
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.replay import make_replay
 from t2tl_jax.agents.td_learning import dqn_loss, td_targets
 from t2tl_jax.ltl import compile_tasks

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from t2tl_jax.agents import row_codes
-from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+from t2tl_jax.agents.dqn import make_dqn
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.learning_rows import drawn_rows, marks
 from t2tl_jax.agents.td_learning import Marked, Transition, dqn_loss
 from t2tl_jax.ltl import compile_pool

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import pytest
 from brax.envs.base import State
 
-from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+from t2tl_jax.agents.dqn import make_dqn
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import compile_tasks

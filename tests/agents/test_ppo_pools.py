@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.agents.ppo import make_ppo
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.ltl import compile_pool, compile_tasks, named_task
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.single_state import EPISODE_LENGTH, SingleState

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.agents.ppo_learning import Batch, ppo_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from t2tl_jax.agents import row_codes
-from t2tl_jax.agents.ppo import PPOConfig, make_ppo
+from t2tl_jax.agents.ppo import make_ppo
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.agents.ppo_learning import in_segments, minibatch_order
 from t2tl_jax.ltl import compile_pool
 from t2tl_jax.networks.actor_critic import NetworkConfig

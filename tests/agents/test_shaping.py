@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import experiments.configs  # noqa: F401, registers the configurations
-from t2tl_jax.agents.dqn import DQNConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.shaping import potential
 from t2tl_jax.agents.td_learning import Transition, dqn_loss, td_targets
 from t2tl_jax.ltl import compile_reward_machines, compile_tasks, named_machines

@@ -9,7 +9,8 @@ import pytest
 
 from envs.flatworld import FlatWorld, FlatWorldConfig
 from envs.letterworld import LetterWorld, LetterWorldConfig
-from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+from t2tl_jax.agents.dqn import make_dqn
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import compile_tasks

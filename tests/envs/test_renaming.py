@@ -7,7 +7,7 @@ import pytest
 
 from envs.waterworld import WaterWorld, WaterWorldConfig
 from envs.zones import ZoneConfig, ZoneEnv
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.objects import Objects

@@ -3,7 +3,7 @@
 import pytest
 
 from experiments.benchmarks.trainings import training, with_num_envs
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.errors import UserError
 from tests.four_devices import run_on_four_devices
 

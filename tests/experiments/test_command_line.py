@@ -9,7 +9,7 @@ from envs.waterworld import WaterWorldConfig
 from experiments import compare, evaluate, run
 from experiments.benchmarks import env
 from experiments.cli import request as command_line
-from t2tl_jax.agents.dqn import DQNConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.gru import GRUConfig

@@ -6,7 +6,7 @@ import pytest
 
 from experiments import methods
 from experiments.cli import request as command_line
-from t2tl_jax.agents.dqn import DQNConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.rgcn import RGCNConfig

@@ -12,7 +12,7 @@ import pytest
 
 from envs.zones import ZoneConfig
 from experiments import attention, compare, evaluate, methods, run
-from t2tl_jax.agents.dqn import DQNConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import configs, named_config

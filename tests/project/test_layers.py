@@ -132,7 +132,7 @@ def test_imports_go_one_way():
         ("t2tl_jax.agents.ppo", "def f():\n    from t2tl_jax import evaluation", True),
         ("t2tl_jax.evaluation.curves", "from t2tl_jax.runs.metrics_file import history", True),
         ("t2tl_jax.runs.train", "from t2tl_jax import train", True),
-        ("t2tl_jax.runs.train", "from t2tl_jax.agents.ppo import PPOConfig", False),
+        ("t2tl_jax.runs.train", "from t2tl_jax.agents.ppo_config import PPOConfig", False),
         ("t2tl_jax.runs.train", "import envs.zones", True),
         ("t2tl_jax", "from t2tl_jax.runs.train import train", False),
         ("t2tl_jax", "from envs.zones import ZoneEnv", True),

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from envs.zones import ZoneConfig
-from t2tl_jax.agents.dqn import DQNConfig
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig

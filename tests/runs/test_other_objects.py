@@ -6,7 +6,7 @@ import jax
 import pytest
 
 from envs.waterworld import WaterWorld, WaterWorldConfig
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.episodes import player_of_seeds
 from t2tl_jax.networks.actor_critic import NetworkConfig

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from t2tl_jax import Config, EnvConfig
-from t2tl_jax.agents.dqn import DQNConfig
-from t2tl_jax.agents.ppo import PPOConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig

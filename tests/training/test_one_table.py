@@ -6,7 +6,8 @@ import re
 import jax
 import pytest
 
-from t2tl_jax.agents.dqn import DQNConfig, make_dqn
+from t2tl_jax.agents.dqn import make_dqn
+from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig

@@ -1,7 +1,7 @@
 """Runs that differ in one thing, side by side: how fast they learn, where they end, and what that took."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -148,13 +148,13 @@ def _codes(runs: Mapping[str, Stored]) -> Columns:
 
 def encoder_rate(run: Stored) -> str:
     """The learning rate of a run's task encoder at the start, or why it has none."""
-    learner = run.config.learner
+    learner: Any = run.config.learner  # both learners of the paper have what is read here
     encoder = learner.task_encoder
     if encoder is None or not encoder.learned:
         return "nothing to learn"
-    if learner.network.freeze_task_encoder:  # type: ignore[attr-defined]  # both learners of the paper have it
+    if learner.network.freeze_task_encoder:
         return "frozen"
-    own, rest = learner.task_encoder_learning_rate, learner.learning_rate  # type: ignore[attr-defined]
+    own, rest = learner.task_encoder_learning_rate, learner.learning_rate
     return f"{rest:g}, as the rest" if own is None or own == rest else f"{own:g}, the rest {rest:g}"
 
 

@@ -1,6 +1,7 @@
 """The reward-machine benchmark: ten tasks and a single one, with and without counterfactual learning and shaping."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -127,12 +128,12 @@ def settings(runs: Mapping[str, Stored]) -> str:
     """What the learners differ in beside what they are compared for, and from the published ones."""
     each = []
     for name, run in runs.items():
-        learner = run.config.learner
-        network = learner.network  # type: ignore[attr-defined]
+        learner: Any = run.config.learner  # of either kind
+        network = learner.network
         layers = ", ".join(str(size) for size in (*network.state_layers, network.task_layer))
-        falls = "falling to 0" if learner.anneal_learning_rate else "constant"  # type: ignore[attr-defined]
-        ends = ", the time limit is an end" if learner.timeout_is_terminal else ""  # type: ignore[attr-defined]
-        rate = learner.learning_rate  # type: ignore[attr-defined]
+        falls = "falling to 0" if learner.anneal_learning_rate else "constant"
+        ends = ", the time limit is an end" if learner.timeout_is_terminal else ""
+        rate = learner.learning_rate
         each.append((f"learning rate {rate:g}, {falls}; layers {layers}, head {network.head}{ends}", name))
     same = {how: [name for what, name in each if what == how] for how, _ in each}
     ours = [f"{', '.join(names)}: {how}." for how, names in same.items()]
