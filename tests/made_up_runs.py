@@ -18,6 +18,7 @@ NOTHING = {
     "timeout_rate": 1.0,
     "env_termination_rate": 0.0,
     "discounted_return": 0.0,
+    "total_reward": 0.0,
     "length": 100.0,
     "success_length": np.nan,
 }

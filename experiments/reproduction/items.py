@@ -131,6 +131,12 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "representations": Item("Representations", (representations.NAME,), representations.section),
     "published": Item("The published program to its end", ("zone-published",), figures.published_program),
+    "published-pieces": Item(
+        "The published program without pre-training (T1TL, closed form), one choice at a time",
+        ("zone-published-t1tl", *figures.PUBLISHED_PIECES),
+        figures.published_pieces,
+        smoke=("zone-published-t1tl", "zone-published-t1tl-correlated-noise"),
+    ),
     "reader": Item(
         "A GRU instead of the context Transformer",
         ("zone-t2tl-pre-own", "zone-gru-reader"),
@@ -138,7 +144,10 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "benchmark": Item(
         "The reward-machine benchmark",
-        tuple(f"rm-{one}{kind}" for one in ("", "single-") for kind in ("crm", "ql", "crm_shaped", "ql_shaped")),
+        (
+            *(f"rm-{one}{kind}" for one in ("", "single-") for kind in ("crm", "ql", "crm_shaped", "ql_shaped")),
+            "rm-single-crm-slow",
+        ),
         benchmark.benchmark,
     ),
 }

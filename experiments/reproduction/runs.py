@@ -36,6 +36,9 @@ SHORT_EXPLORATION = PER_16 | {"epsilon_fraction": 0.01}
 EVERY_STEP = PER_16 | {"updates_per_step": 16, "batch_size": 32, "target_period": 1600}
 """One gradient step after every step, as published: as many samples as of `PER_16`, and targets as old in steps."""
 
+PUBLISHED_RATE = 1e-5
+"""Learning rate of the reward-machine benchmark as published, constant."""
+
 ZONE_SEED = 24
 """Where the seeds of the runs in ZoneEnv begin: some of its settings were chosen on seeds 0 to 11, see
 `experiments/tuning.py`. Those of WaterWorld, which are its maps, begin with 0."""
@@ -127,7 +130,35 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
     published = named_config("zone_ppo_published")
     new["zone-published"] = Run(published, _pretraining(new, "zone-published", published))
     new["zone-gru-reader"] = Run(_with_gru_reader(short), "zone-pretraining-transformer")
-    return new
+    return new | published_pieces()
+
+
+def published_pieces() -> dict[str, Run]:
+    """The published program for T1TL without pre-training, and with one choice of its code as it is by default here.
+
+    The motion is in closed form, which steps sixteen environments in a tenth of the time.
+    """
+    base = apply(named_config("zone_ppo_published"), "t1tl")
+    env: Any = base.env
+    base = replace(base, env=replace(env, physics="closed_form"), pretrained="")
+    default: Any = apply(named_config("zone_ppo_long"), "t1tl").learner
+
+    def of_network(name: str) -> Any:
+        network = replace(base.learner.network, **{name: getattr(default.network, name)})
+        return _changed(base.learner, network=network)
+
+    learners = {
+        "": base.learner,
+        "-correlated-noise": _changed(base.learner, noise_time=default.noise_time),
+        "-no-bonus": _changed(base.learner, entropy_coefficient=default.entropy_coefficient),
+        "-timeouts-no-end": _changed(base.learner, timeout_is_terminal=default.timeout_is_terminal),
+        "-normalised-advantages": _changed(base.learner, normalise_advantage=True),
+        "-512-environments": _changed(base.learner, num_envs=512, unroll_length=128),
+        "-squashed-observations": of_network("observation"),
+        "-critic-from-zero": of_network("value_scale"),
+        "-corrected-reader": of_network("task_encoder"),
+    }
+    return {f"zone-published-t1tl{name}": Run(replace(base, learner=learner)) for name, learner in learners.items()}
 
 
 def _water(runs: dict[str, Run]) -> dict[str, Run]:
@@ -214,6 +245,9 @@ def _benchmark(runs: dict[str, Run]) -> dict[str, Run]:
         config = named_config(f"rm_water_{kind}")
         new[f"rm-{kind}"] = Run(config, seeds=MAPS, evaluated=False)
         new[f"rm-single-{kind}"] = Run(_single_task(config), seeds=MAPS, evaluated=False)
+    single = _single_task(named_config("rm_water_crm"))
+    slow = _changed(single.learner, learning_rate=PUBLISHED_RATE, anneal_learning_rate=False)
+    new["rm-single-crm-slow"] = Run(replace(single, learner=slow), seeds=MAPS, evaluated=False)
     return new
 
 

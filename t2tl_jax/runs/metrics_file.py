@@ -27,6 +27,7 @@ EPISODE_COLUMNS = (
     "timeout_rate",
     "env_termination_rate",
     "discounted_return",
+    "total_reward",
     "length",
     "success_length",
 )
@@ -317,8 +318,8 @@ def ending(curves: Mapping[str, np.ndarray], last: float) -> dict[str, np.ndarra
         last: share of the iterations, at the end, above 0.
 
     Returns:
-        By name (success_rate, violation_rate, env_termination_rate, discounted_return, length; those that there are),
-        float64[seeds]; NaN for a seed of which no episode ended.
+        By name (success_rate, violation_rate, env_termination_rate, discounted_return, total_reward, length; those
+        that there are), float64[seeds]; NaN for a seed of which no episode ended.
     """
     episodes = curves["episodes"]
     tail = slice(-max(1, round(last * episodes.shape[1])), None)
@@ -329,5 +330,12 @@ def ending(curves: Mapping[str, np.ndarray], last: float) -> dict[str, np.ndarra
         weighted = np.nansum((values * episodes)[:, tail], axis=1)
         return np.where(ended > 0, weighted / np.maximum(ended, 1), np.nan)
 
-    names = ("success_rate", "violation_rate", "env_termination_rate", "discounted_return", "length")
+    names = (
+        "success_rate",
+        "violation_rate",
+        "env_termination_rate",
+        "discounted_return",
+        "total_reward",
+        "length",
+    )
     return {name: average(curves[name]) for name in names if name in curves}

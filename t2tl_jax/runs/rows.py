@@ -92,6 +92,7 @@ def _averages(totals: EpisodeTotals) -> dict[str, Any]:
         "timeout_rate": over(episodes, totals.timeouts),
         "env_termination_rate": over(episodes, totals.env_terminations),
         "discounted_return": over(episodes, totals.discounted_return),
+        "total_reward": over(episodes, totals.total_reward),
         "length": over(episodes, totals.length),
         "success_length": over(successes, totals.success_length),
     }

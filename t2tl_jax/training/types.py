@@ -28,8 +28,8 @@ class EpisodeTotals:
     """Sums over the episodes that finished during one iteration; all scalars, so that they add up over iterations.
 
     Every episode counts as exactly one of success, violation, timeout and env_termination. `discounted_return` is
-    the sum of discount^t r_t from t = 0, whatever the rewards; the paper's measure, the total reward times
-    discount^(length - 1), equals it where only the last step pays. Lengths count steps.
+    the sum of discount^t r_t from t = 0, whatever the rewards, and `total_reward` the sum of r_t; the paper's measure,
+    the total reward times discount^(length - 1), equals the former where only the last step pays. Lengths count steps.
     """
 
     episodes: jax.Array  # int32
@@ -38,6 +38,7 @@ class EpisodeTotals:
     timeouts: jax.Array  # int32, cut by the time limit
     env_terminations: jax.Array  # int32, ended by the environment itself while the task was open
     discounted_return: jax.Array  # float32
+    total_reward: jax.Array  # float32
     length: jax.Array  # float32
     success_length: jax.Array  # float32, over successes only
 

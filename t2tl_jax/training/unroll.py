@@ -281,6 +281,7 @@ def _totals(episode: Episode, verdict: jax.Array, ended: jax.Array, truncated: j
         timeouts=counted * truncated,
         env_terminations=counted * (~truncated & (verdict == 0)),
         discounted_return=counted * episode.discounted,
+        total_reward=counted * episode.total,
         length=counted * length,
         success_length=success * length,
     )

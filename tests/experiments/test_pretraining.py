@@ -248,7 +248,7 @@ def test_families_that_cannot_be_trained_are_explained(no_trace, name, changes, 
     ("metrics", "returns", "words"),
     [
         (None, [None, None], "discounted return -, length -"),
-        ("1,10,0,1,1,0,0,0,0.5,5,5\n1,10,1,0,,,,,,,\n", [0.5, None], "discounted return 0.500, length 5.00"),
+        ("1,10,0,1,1,0,0,0,0.5,1,5,5\n1,10,1,0,,,,,,,,\n", [0.5, None], "discounted return 0.500, length 5.00"),
     ],
 )
 def test_how_a_pretraining_ended_need_not_be_known(stored, metrics, returns, words):

@@ -9,7 +9,7 @@ from t2tl_jax.runs import metrics_file
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, MetricsFile, MetricsFileError, lines_up_to, read_columns
 
 HEADER = ",".join(FIXED_COLUMNS)
-ROWS = ("1,10,0,1,1,0,0,0,0.5,5,5", "1,10,1,0,,,,,,,", "2,20,0,2,1,0,0,0,0.5,5,5", "2,20,1,1,1,0,0,0,0.5,5,5")
+ROWS = ("1,10,0,1,1,0,0,0,0.5,1,5,5", "1,10,1,0,,,,,,,,", "2,20,0,2,1,0,0,0,0.5,1,5,5", "2,20,1,1,1,0,0,0,0.5,1,5,5")
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def test_empty_cells_are_nan(write):
     np.testing.assert_array_equal(columns["discounted_return"], [0.5, np.nan, 0.5, 0.5])
 
 
-@pytest.mark.parametrize("cut", ["3,30,0,1,1,0,0,0,0.5,5", "3", "3,30,0,1,1,0,0,0,0.5,5,5"])
+@pytest.mark.parametrize("cut", ["3,30,0,1,1,0,0,0,0.5,5", "3", "3,30,0,1,1,0,0,0,0.5,1,5,5"])
 def test_a_last_line_without_its_end_does_not_count(write, cut):
     path = write(cut, end="")
     assert read_columns(path)["iteration"].tolist() == [1, 1, 2, 2]
@@ -44,7 +44,7 @@ def test_a_last_line_without_its_end_does_not_count(write, cut):
         (HEADER.encode() + b"\n1,10", "holds no metrics yet"),
         (b"a,b\n1,2\n", "not a metrics file"),
         (b"\xff\xfe\n", "is damaged: 'utf-8' codec"),
-        (f"{HEADER}\n{ROWS[0]}\n1,10,0\n".encode(), "in line 3: 3 cells instead of 11"),
+        (f"{HEADER}\n{ROWS[0]}\n1,10,0\n".encode(), "in line 3: 3 cells instead of 12"),
         (
             f"{HEADER}\n{ROWS[0].replace('0.5', 'much')}\n".encode(),
             "in line 2: could not convert string",
@@ -63,7 +63,7 @@ def test_damage_is_told_with_its_place(tmp_path, content, said):
 
 
 def test_a_resumed_file_keeps_the_rows_up_to_the_checkpoint(write):
-    path = write("3,30,0,1,1,0,0,0,0.5,5,5")
+    path = write("3,30,0,1,1,0,0,0,0.5,1,5,5")
     MetricsFile(path, after=1).close()
     assert path.read_text().splitlines() == [HEADER, *ROWS[:2]]
 

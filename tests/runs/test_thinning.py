@@ -22,7 +22,8 @@ def metrics_of(iteration):
     """Of two seeds; in every third iteration the second one ends no episode."""
     rng = np.random.default_rng(iteration)
     ended = np.array([4, 0 if iteration % 3 == 0 else 2])
-    names = ("successes", "violations", "timeouts", "env_terminations", "discounted_return", "length", "success_length")
+    names = ("successes", "violations", "timeouts", "env_terminations")
+    names += ("discounted_return", "total_reward", "length", "success_length")
     totals = {name: (rng.random(2) * ended).astype(np.float32) for name in names[4:]}
     counts = {name: rng.integers(0, 3, 2) * (ended > 0) for name in names[:4]}
     return Metrics(EpisodeTotals(episodes=ended, **counts, **totals), {"loss": rng.random(2).astype(np.float32)})

@@ -20,7 +20,7 @@ from tests import fake_agent
 from tests.fake_learner import CONFIG
 
 NAN, INF = float("nan"), float("inf")
-NOBODY = EpisodeTotals(*[jnp.int32(0)] * 5, *[jnp.float32(0)] * 3)
+NOBODY = EpisodeTotals(*[jnp.int32(0)] * 5, *[jnp.float32(0)] * 4)
 
 
 @struct.dataclass

@@ -15,10 +15,13 @@ _CODES = tuple(
     f"any-zones{name}"
     for name in (
         *("", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
-        *("-roles-merged", "-names", "-nothing", "-transformer-fresh", "-transformer-long"),
+        *("-roles-merged", "-names", "-nothing", "-transformer-fresh"),
+        *("-transformer-long", "-gru-long", "-transformer-more"),
     )
 )
-_PRETRAINED = tuple(f"any-pretraining-{name}" for name in ("automaton", "transformer", "rgcn", "gru"))
+_PRETRAINED = tuple(
+    f"any-pretraining-{name}" for name in ("automaton", "transformer", "rgcn", "gru", "transformer-more")
+)
 _MEMORIES = tuple(f"any-memory-{name}" for name in MEMORIES)
 
 ANY_ITEMS: dict[str, Item] = {

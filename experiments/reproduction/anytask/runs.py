@@ -30,14 +30,19 @@ FIRST_SEED = 24
 SECOND_SEED = 40
 """Of agents whose settings were chosen, on seeds from 100 on, after those with seeds from 24 on had been seen."""
 
+THIRD_SEED = 60
+"""Of an agent whose settings were changed after those with seeds from 40 on had been seen."""
+
 HEADLINE_SEEDS, ENCODER_SEEDS, MEMORY_SEEDS = "10", "4", "12"
 
 ENCODER_FRAMES, FRESH_FRAMES, PRETRAINING_FRAMES, MEMORY_FRAMES = 20_000_000, 8_000_000, 3_000_000, 8_000_000
 
-LONG_FRAMES = 100_000_000
-"""Of one more agent that reads text, to see whether more frames are what it lacks."""
+LONG_FRAMES, MORE_PRETRAINING = 100_000_000, 20_000_000
+"""Of further agents that read text, to see whether more frames are what they lack, or codes that read better."""
 
-DQN_FRAMES = 4_000_000
+TEXTS = ("transformer", "gru")
+
+DQN_FRAMES, WATER_FRAMES = 4_000_000, 100_000_000
 
 MEMORY_RANGE = 1.2
 """Metres that the lidar reaches, linearly, in SpecRLBench's partially observed worlds."""
@@ -93,7 +98,7 @@ def _headline() -> dict[str, Run]:
     walls = replace(_without(zone, suites.WALLS.tasks), env=ZoneConfig(layout="random"), frames=20_000_000)
     zone = replace(zone, task=configs.any_tasks(Chains(depth=(1, 3), avoid=(0, 3))), frames=60_000_000)
     letters = _without(named_config("letters_any"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
-    water = _without(named_config("water_any"), suites.WATER.tasks)
+    water = replace(_without(named_config("water_any"), suites.WATER.tasks), frames=WATER_FRAMES)
     flat = named_config("flat_any")
     tested: dict[str, tuple[Config, dict[str, Any]]] = {
         "any-zones": (
@@ -109,9 +114,9 @@ def _headline() -> dict[str, Run]:
         "any-letters": (letters, {"suites": (suites.LETTERS, suites.LETTERS_LONG, suites.LETTER_MAPS)}),
         "any-flat": (flat, {"suites": (suites.FLAT,)}),
     }
-    again = ("any-zones", "any-water", "any-flat")
+    first = {"any-zones": SECOND_SEED, "any-flat": SECOND_SEED, "any-water": THIRD_SEED}
     runs = {
-        name: _run(config, HEADLINE_SEEDS, early=True, first_seed=SECOND_SEED if name in again else FIRST_SEED, **more)
+        name: _run(config, HEADLINE_SEEDS, early=True, first_seed=first.get(name, FIRST_SEED), **more)
         for name, (config, more) in tested.items()
     }
     dqn = _without(named_config("letters_any_dqn"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
@@ -141,12 +146,26 @@ def _encoders() -> dict[str, Run]:
         config = _with(config, network={"freeze_task_encoder": True})
         more = (suites.EXCHANGED,) if name == "transformer" else ()
         new[f"any-zones-{name}"] = _run(config, ENCODER_SEEDS, before=before, suites=(suites.ZONES, *more))
-        if name == "transformer":
-            longer = replace(config, frames=LONG_FRAMES)
+        longer = replace(config, frames=LONG_FRAMES)
+        if name in TEXTS:
             new[f"any-zones-{name}-long"] = _run(longer, ENCODER_SEEDS, before=before, suites=(suites.ZONES, *more))
+        if name == "transformer":
+            taught = Run(_taught_more(pretraining.config), seeds=ENCODER_SEEDS, first_seed=SECOND_SEED, evaluated=False)
+            new[f"{before}-more"] = replace(taught, suites=(suites.READ_ALONE,))
+            new[f"any-zones-{name}-more"] = _run(
+                longer, ENCODER_SEEDS, SECOND_SEED, before=f"{before}-more", suites=(suites.ZONES, *more)
+            )
     fresh = replace(_encoder(flat, LEARNED["transformer"]), frames=FRESH_FRAMES)
     new["any-zones-transformer-fresh"] = _run(fresh, ENCODER_SEEDS, **tested)
     return new
+
+
+def _taught_more(config: Config | None) -> Config:
+    """The same pre-training on as many more formulas, by a learning rate that falls to 0."""
+    assert config is not None
+    learner: Any = config.learner
+    learner = replace(learner, learning_rate=5e-4, anneal_learning_rate=True)
+    return replace(config, learner=learner, frames=MORE_PRETRAINING)
 
 
 def _memory() -> dict[str, Run]:

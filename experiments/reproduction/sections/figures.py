@@ -7,12 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from experiments import fairness
-from experiments.paper import published_water
+from experiments.paper import published_water, published_widths
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import runs as named
 from experiments.reproduction.cells import share, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
+from experiments.reproduction.sections.ablation import ablation
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import curves_by_episode, curves_by_frames, mean_return_at, methods
 from t2tl_jax.networks.actor_critic import MINIMUM_STD
@@ -133,6 +134,18 @@ def published_program(runs: Mapping[str, Stored]) -> str:
         curves_by_frames(runs, labels, ZONE_MARKS, published),
         *(found_or_not(run) for run in runs.values()),
     )
+
+
+PUBLISHED_PIECES = tuple(name for name in named.published_pieces() if name != "zone-published-t1tl")
+
+
+def published_pieces(runs: Mapping[str, Stored]) -> str:
+    """The published program for T1TL beside its curve, and with one choice after another as it is by default here."""
+    section = ablation([(name, "zone-published-t1tl") for name in PUBLISHED_PIECES], "discounted_return")
+    labels = {name: name.removeprefix("zone-published-t1tl-") for name in PUBLISHED_PIECES}
+    labels["zone-published-t1tl"] = "t1tl as published"
+    curve = {"zone-published-t1tl": (published_widths.FRAMES, published_widths.ZONE["T1TL 16"])}
+    return _joined(section(runs), curves_by_frames(runs, labels, published_widths.FRAMES, curve) if runs else "")
 
 
 FOUND = 0.5
