@@ -279,7 +279,7 @@ register_config(
             num_envs=2048,
             unroll_length=64,
             minibatch_size=4096,
-            discount=0.995,
+            discount=0.99,
             gae_lambda=0.95,
             entropy_coefficient=0.0003,
             learning_rate=1e-3,
