@@ -284,8 +284,21 @@ def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make
 def test_return_of_recent_episodes(make):
     returns = np.tile([0.0] * 5 + [0.5] * 5, (4, 1))
     run = make("rm-single-crm", discounted_return=returns, episodes=50.0)
-    found = benchmark.recent_return(run, (500, 5000, 6000, 10_000, 10_001))
+    found = benchmark.recent(run, (500, 5000, 6000, 10_000, 10_001), "discounted_return")
     np.testing.assert_allclose(found[0], [np.nan, 0.0, 0.25, 0.5, np.nan])  # 100 episodes are two iterations
+
+
+def test_paid_episodes_are_compared_with_the_published_share(make):
+    """Those of a run that is older than the metric are not known, and not taken for none."""
+    reward = np.tile([0.0] * 2 + [0.5] * 8, (4, 1)) + np.array([[-0.1], [0.0], [0.0], [0.1]])
+    new = make("rm-single-crm-slow", total_reward=reward, episodes=100.0, frames=200_000)
+    old = make("rm-single-ql", episodes=100.0, frames=200_000)
+    del old.metrics["total_reward"]
+    text = benchmark.rewarded({"rm-single-crm-slow": new, "rm-single-ql": old})
+    own = rows(text)["rm-single-crm-slow"]
+    assert own[2].startswith("0.000") and own[3].startswith("0.500") and "rm-single-ql" not in rows(text)
+    assert f"{benchmark.FAR_BELOW}: rm-single-crm-slow after 200,000, 400,000, 1,000,000, 2,000,000 steps." in text
+    assert text.endswith(benchmark.UNKNOWN.format("rm-single-ql"))
 
 
 def test_the_benchmark_judges_counterfactual_learning_by_map(make):
@@ -306,7 +319,7 @@ def test_the_benchmark_judges_counterfactual_learning_by_map(make):
     assert outside.startswith(f"{benchmark.FAR_BELOW}: rm-ql after 600,000, ") and "other" not in outside
     runs["rm-single-ql"] = make("rm-single-ql")
     text = benchmark.benchmark(runs)
-    assert rows(text)["ql"] == ["0.378", "0.877", "0.975", "0.986", "0.984"] and "not claimed" not in text
+    assert rows(text)["ql, published"] == ["0.378", "0.877", "0.975", "0.986", "0.984"] and "not claimed" not in text
     assert benchmark.benchmark({}) == ""
 
 

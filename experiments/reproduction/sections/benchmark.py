@@ -23,8 +23,15 @@ TEN_CLAIMS = [("rm-crm", "rm-ql"), ("rm-crm_shaped", "rm-ql_shaped")]
 
 TEN_PAIRS = [*TEN_CLAIMS, ("rm-crm", "rm-crm_shaped"), ("rm-ql", "rm-ql_shaped")]
 
+SLOW = "-slow"
+"""Ending of the name of a run that has the published learning rate instead of ours."""
+
 SINGLE_PAIRS = [
-    (f"rm-single-{first.removeprefix('rm-')}", f"rm-single-{second.removeprefix('rm-')}") for first, second in TEN_PAIRS
+    *(
+        (f"rm-single-{first.removeprefix('rm-')}", f"rm-single-{second.removeprefix('rm-')}")
+        for first, second in TEN_PAIRS
+    ),
+    (f"rm-single-crm{SLOW}", "rm-single-crm"),
 ]
 """Nothing is claimed of these: the published curves overlap within one standard deviation."""
 
@@ -32,12 +39,14 @@ EPISODES = 100
 """Of the single task in one average, as in the published shares."""
 
 SINGLE_NOTE = """In the published single task a wrong touch in the last state pays 1 too, which the published shares
-count. How many of our episodes were paid so is not recorded, so these shares do not compare with "carried out".
-Discounted return counts whatever was paid, the sooner the more, so that an agent gains by the touch that is nearer, be
-it the wrong one. Below, by map, discounted return at the end over what 1 is worth after the mean number of steps:
-episodes that are all paid come to 1 or more, so where it is less some were paid nothing. A gradient step of crm holds
-three states' values here instead of 77, at the learning rate that was chosen for 77; whether that is why it is paid
-less often was not tried."""
+count, so that they do not compare with "carried out". Discounted return counts whatever was paid, the sooner the more,
+so that an agent gains by the touch that is nearer, be it the wrong one. Below, by map, discounted return at the end
+over what 1 is worth after the mean number of steps: episodes that are all paid come to 1 or more, so where it is less
+some were paid nothing. A gradient step of crm holds three states' values here instead of 77, at the learning rate that
+was chosen for 77."""
+
+UNKNOWN = "How many of our episodes were paid was not recorded in {}."
+"""Of runs that are older than the metric."""
 
 PUBLISHED_SETTINGS = """Published: learning rate 1e-05, constant, for all; 3 layers of 1,024 and heads of 256 that read
 the state's number beside the observation; each variable's gradient clipped by itself; of ql alone the time limit is an
@@ -144,14 +153,24 @@ def behind(curves: Mapping[str, Mapping[int, np.ndarray]]) -> str:
     """Where a mean of `scores` is below the published one, and whether that lies in its interval; '' for nowhere."""
     found: dict[str, list[str]] = {BELOW: [], FAR_BELOW: []}
     for name, of in ((name, curves[name]) for name in TEN if name in curves):
-        steps: dict[str, list[str]] = {what: [] for what in found}
         means, _ = published_water.SCORES[TEN[name]]
-        for step, at, published in zip(published_water.STEPS, np.transpose(list(of.values())), means, strict=True):
-            own = statistics.mean(at[np.isfinite(at)])
-            if own.value is not None and own.value < published:
-                steps[FAR_BELOW if own.high is not None and own.high < published else BELOW].append(f"{step:,}")
-        for what, where in steps.items():
-            found[what] += [f"{name} after {', '.join(where)} steps"] if where else []
+        for what, steps in below(np.array(list(of.values())), published_water.STEPS, means).items():
+            found[what] += [f"{name} after {', '.join(steps)} steps"] if steps else []
+    return _listed(found)
+
+
+def below(values: np.ndarray, marks: Sequence[int], published: Sequence[float]) -> dict[str, list[str]]:
+    """The marks at which the mean of values float[seeds, marks] is below the published one, by whether that lies in
+    its interval."""
+    steps: dict[str, list[str]] = {BELOW: [], FAR_BELOW: []}
+    for step, at, other in zip(marks, values.T, published, strict=True):
+        own = statistics.mean(at[np.isfinite(at)])
+        if own.value is not None and own.value < other:
+            steps[FAR_BELOW if own.high is not None and own.high < other else BELOW].append(f"{step:,}")
+    return steps
+
+
+def _listed(found: Mapping[str, Sequence[str]]) -> str:
     return "\n".join(f"{what}: {'; '.join(points)}." for what, points in found.items() if points)
 
 
@@ -162,7 +181,7 @@ def _single(runs: Mapping[str, Stored]) -> list[str]:
     rows = [
         (
             name,
-            *(text(at.tolist()) for at in recent_return(run, marks).T),
+            *(text(at.tolist()) for at in recent(run, marks, "discounted_return").T),
             text(run.area("discounted_return")),
             share(run.end("success_rate")),
             share(run.end("violation_rate")),
@@ -178,27 +197,40 @@ def _single(runs: Mapping[str, Stored]) -> list[str]:
         "wrong touch, paid or not",
         "steps at the end",
     ]
-    rewarded = [
-        (published, *(f"{share_of_episodes:.3f}" for share_of_episodes in published_water.SINGLE_REWARDED[published]))
-        for published in SINGLE.values()
-    ]
     means = {name: run.area("discounted_return") for name, run in runs.items()}
     return [
         table(heading, rows),
         differences(runs, SINGLE_PAIRS, means, "mean discounted return over training"),
-        table(["published: episodes that pay 1", *_thousands(marks)], rewarded),
+        rewarded(runs),
         SINGLE_NOTE,
         "\n".join(f"{name}: {', '.join(f'{ratio:.2f}' for ratio in paid(run))}." for name, run in runs.items()),
     ]
 
 
-def recent_return(run: Stored, marks: Sequence[int]) -> np.ndarray:
-    """Mean discounted return of each seed's last `EPISODES` episodes or more, whole iterations: float[seeds, marks].
+def rewarded(runs: Mapping[str, Stored]) -> str:
+    """Episodes of the single task that pay 1, beside the published shares, and where ours are fewer."""
+    marks, known = published_water.SINGLE_STEPS, [name for name, run in runs.items() if "total_reward" in run.metrics]
+    shares = {name: recent(runs[name], marks, "total_reward") for name in known}
+    rows = [(name, *(text(at.tolist()) for at in of.T)) for name, of in shares.items()]
+    for published, of_episodes in published_water.SINGLE_REWARDED.items():
+        rows.append((f"{published}, published", *(f"{at:.3f}" for at in of_episodes)))
+    found: dict[str, list[str]] = {BELOW: [], FAR_BELOW: []}
+    for name in known:
+        of_published = published_water.SINGLE_REWARDED[SINGLE[name.removesuffix(SLOW)]]
+        for said, steps in below(shares[name], marks, of_published).items():
+            found[said] += [f"{name} after {', '.join(steps)} steps"] if steps else []
+    unknown = [name for name in runs if name not in known]
+    parts = [table(["episodes that pay 1", *_thousands(marks)], rows), _listed(found)]
+    return "\n\n".join(part for part in (*parts, UNKNOWN.format(", ".join(unknown)) if unknown else "") if part)
+
+
+def recent(run: Stored, marks: Sequence[int], metric: str) -> np.ndarray:
+    """Mean of a metric over each seed's last `EPISODES` episodes or more, whole iterations: float[seeds, marks].
 
     NaN at marks after the end, and before an episode ended.
     """
     frames, episodes = run.metrics["frames"][0], np.nan_to_num(run.metrics["episodes"])
-    paid = episodes * np.nan_to_num(run.metrics["discounted_return"])
+    paid = episodes * np.nan_to_num(run.metrics[metric])
     ended, total = (np.pad(np.cumsum(of, axis=1), ((0, 0), (1, 0))) for of in (episodes, paid))
     values = np.full((len(episodes), len(marks)), np.nan)
     for column, mark in enumerate(marks):
