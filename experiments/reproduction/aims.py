@@ -1,4 +1,4 @@
-"""What this project aims at for trainings on one H200, beside what was measured."""
+"""What this project aims at for trainings on one H200 and on two cores of a processor, beside what was measured."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +8,11 @@ from experiments.reproduction.page import table
 from experiments.reproduction.scaling import in_time
 
 T1TL, T2TL = "zone_ppo_long:t1tl", "zone_ppo_long:t2tl"
+SHORT_T1TL, SHORT_T2TL = "zone_ppo:t1tl", "zone_ppo:t2tl"
 ONE, TWELVE = "1 seed", "12 seeds"
+H200, TWO_CORES = ("NVIDIA H200",), ("cpu", "cpu")
+HARDWARE = {H200: "H200", TWO_CORES: "2 CPU cores"}
+"""By the names of the devices that JAX sees."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +25,8 @@ class Aim:
     """Frames/s of whole iterations that it should make at least."""
     within: float | None = None
     """Seconds that compiling should take at most."""
+    devices: tuple[str, ...] = H200
+    """On which hardware, of `HARDWARE`."""
 
 
 AIMS = (
@@ -32,25 +38,33 @@ AIMS = (
     Aim("waterworld_dqn:t1tl", TWELVE, least=300_000),
     Aim(T1TL, TWELVE, within=20),
     Aim(T2TL, TWELVE, within=30),
+    Aim(SHORT_T2TL, ONE, least=6_000, devices=TWO_CORES),
+    Aim(SHORT_T1TL, ONE, least=30_000, devices=TWO_CORES),
 )
 
 
 def aims(results: Path) -> str:
-    """Every aim that something stored decides: of several files of one H200, made from clean commits, the newest."""
-    found: dict[tuple[str, str], measured.Row] = {}
+    """Every aim that something stored decides: of several files of the same devices, made from clean commits, the
+    newest."""
+    found: dict[tuple[tuple[str, ...], str, str], measured.Row] = {}
     for where, rows in in_time(results):
-        if where["devices"] == ["NVIDIA H200"] and not where.get("git_modified"):
-            found |= {(row.what, row.size): row for row in rows if row.part == "training"}
-    lines = [_line(aim, found[aim.what, aim.size]) for aim in AIMS if (aim.what, aim.size) in found]
-    return table(("what", "size", "aim", "measured", ""), lines) or "Not measured yet on one H200."
+        if not where.get("git_modified"):
+            devices = tuple(where["devices"])
+            found |= {(devices, row.what, row.size): row for row in rows if row.part == "training"}
+    keys = [(aim, (aim.devices, aim.what, aim.size)) for aim in AIMS]
+    lines = [_line(aim, found[key]) for aim, key in keys if key in found]
+    return table(("what", "size", "hardware", "aim", "measured", ""), lines) or "Not measured yet."
 
 
 def _line(aim: Aim, row: measured.Row) -> tuple[str, ...]:
     if aim.least is not None:
-        wanted, got = f"{aim.least:,.0f} frames/s", f"{measured.three_digits(row.rate)} frames/s"
+        wanted, rates = f"{aim.least:,.0f} frames/s", (row.rate, row.slowest, row.fastest)
+        median, slowest, fastest = map(measured.three_digits, rates)
+        got = f"{median} ({slowest}, {fastest}) frames/s"
         reached = row.rate >= aim.least
     else:
         assert aim.within is not None and row.compile_s is not None
         wanted, got = f"compiled within {aim.within:g} s", f"{row.compile_s:.1f} s"
         reached = row.compile_s <= aim.within
-    return f"`{aim.what}`", aim.size, wanted, got, "reached" if reached else "**not reached**"
+    outcome = "reached" if reached else "**not reached**"
+    return f"`{aim.what}`", aim.size, HARDWARE[aim.devices], wanted, got, outcome

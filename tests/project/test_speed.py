@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -189,8 +190,12 @@ def test_aims_are_judged_by_what_is_stored(tmp_path):
     )
     measured.write(tmp_path / "benchmark_x.json", where, {}, [row])
     speed_line, compile_line = aims.aims(tmp_path).splitlines()[2:]
-    assert speed_line.endswith("| 2,500,000 frames/s | 2,500,000 frames/s | **not reached** |")
+    assert speed_line.endswith("| H200 | 2,500,000 frames/s | 2,500,000 (1, 1) frames/s | **not reached** |")
     assert compile_line.endswith("| compiled within 20 s | 15.4 s | reached |")
+    on_cores = replace(row, what=aims.SHORT_T1TL, size="1 seed", rate=31_000.0)
+    measured.write(tmp_path / "benchmark_cpu.json", where | {"devices": ["cpu"] * 2}, {}, [on_cores])
+    assert aims.aims(tmp_path).splitlines()[-1].startswith("| `zone_ppo:t1tl` | 1 seed | 2 CPU cores | 30,000 frames/s")
+    (tmp_path / "benchmark_cpu.json").unlink()
     for changed in ({"devices": ["NVIDIA H200"] * 2}, {"git_modified": True}):
         measured.write(tmp_path / "benchmark_x.json", where | changed, {}, [row])
         assert "Not measured" in aims.aims(tmp_path)
