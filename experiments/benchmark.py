@@ -89,7 +89,7 @@ def _main(texts: Sequence[str]) -> int:
     earlier = None if arguments.against is None else measured.read(arguments.against)
     with explained():
         trainings = _trainings(arguments)
-    where, rows = provenance.describe(), []
+    where, rows = provenance.describe(["python", "-m", "experiments.benchmark", *texts]), []
     devices = f"{len(where['devices'])} x {where['devices'][0]}"
     print(f"{devices}, jax {where['packages']['jax']}; {arguments.repeats} calls each")
     for part in arguments.parts:

@@ -27,6 +27,9 @@ WATER_METHODS = ("t2tl", "t1tl", "gnn", "rm", "dfa", "dfa_cont")
 STEP_METHODS = ("t1tl", "gnn", "rm")
 WIDTHS = (8, 16, 32)
 
+STEP_ROWS, STEP_LENGTH = 8, 54
+"""Rows and tokens of the largest formula of the tables of steps, for which all of them leave room: one program."""
+
 PER_16 = {"num_envs": 16, "unroll_length": 500, "batch_size": 512, "target_period": 100, "learning_rate": 1e-4}
 """One gradient step after every 16 steps of the environment, where the default makes one after 128."""
 
@@ -227,6 +230,7 @@ def _steps(runs: dict[str, Run]) -> dict[str, Run]:
     for cell, same_maps in [*worlds, *((cell, True) for cell in step_tables.BY_SIZE)]:
         for method in STEP_METHODS:
             config = step_tables.configuration(apply(base, method), cell, same_maps)
+            config = replace(config, run=replace(config.run, table_rows=STEP_ROWS, table_length=STEP_LENGTH))
             before = _pretraining(runs, f"water-{cell.goals}-{cell.obstacles}", config, "own", new)
             new[step_name(cell, same_maps, method)] = Run(config, before, limits=step_tables.LIMITS)
     return new

@@ -231,7 +231,8 @@ def everything(results: Path) -> str:
 
 def _command(where: Mapping[str, Any]) -> str:
     """What made a benchmark's file, as it was typed but for the folder of the file."""
-    _, *words = where.get("command", [""])
+    words = where.get("command", [""])
+    words = words[3:] if words[:2] == ["python", "-m"] else words[1:]  # older files have the path of the module
     cores = len(where["devices"]) if set(where["devices"]) == {"cpu"} else 1
     devices = f"JAX_NUM_CPU_DEVICES={cores} " if cores > 1 else ""
     return devices + shlex.join(["python", "-m", "experiments.benchmark", *words])

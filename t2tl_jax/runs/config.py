@@ -2,7 +2,7 @@
 
 import math
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 from tyro.constructors import PrimitiveConstructorSpec
@@ -81,10 +81,17 @@ class RunConfig:
     """The most devices that the environments of one seed are spread over, where there are more devices than seeds
     take; 0 is all of them on a CPU, where every core can be a device, and 1 on other hardware."""
 
+    table_rows: Count = 0
+    """Rows that the table of a formula has room for, so that trainings of formulas of different sizes share one
+    compiled program; 0 for as many as it needs. Of families and reward machines nothing of this counts."""
+    table_length: Count = 0
+    """The same for the tokens of a row. An encoder that reads padding does not take it."""
+
     def __post_init__(self) -> None:
         if not self.checkpoint_period >= 0:  # inf is fine: none but the one at the end
             raise ValueError(f"checkpoint_period is in seconds and not negative, got {self.checkpoint_period}")
-        checks.counts(self, "evaluation_episodes", "devices_per_seed", "seeds_at_once", least=0)
+        names = ("evaluation_episodes", "devices_per_seed", "seeds_at_once", "table_rows", "table_length")
+        checks.counts(self, *names, least=0)
 
 
 @dataclass(frozen=True)
@@ -230,3 +237,7 @@ class Config:
     def iterations(self) -> int:
         """As many as are needed for the frames asked for."""
         return -(-self.frames // self.learner.frames_per_iteration)
+
+    def for_task(self, task: str | TaskFamily) -> "Config":
+        """The same for another task, whose table is as large as it needs."""
+        return replace(self, task=task, run=replace(self.run, table_rows=0, table_length=0))

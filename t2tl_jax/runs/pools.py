@@ -19,12 +19,14 @@ from t2tl_jax.ltl import (
     compile_pool,
     is_family,
     renaming,
+    resolve,
     resolve_tasks,
     row_languages,
 )
 from t2tl_jax.ltl.compiler.automaton import build
 from t2tl_jax.ltl.family_trees import MAX_LISTED
 from t2tl_jax.ltl.languages import Language, of_rows
+from t2tl_jax.ltl.padding import padded
 from t2tl_jax.ltl.pool import compile_weighted
 from t2tl_jax.ltl.turns import in_turns
 from t2tl_jax.runs.config import Config
@@ -143,18 +145,34 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     """Compile the task of a configuration for an environment; of a family, a pool to evaluate on.
 
     Raises:
-        ValueError: for an unknown task, a formula with mistakes, one of other propositions, or one that is decided
-            before the first step.
+        ValueError: for an unknown task, a formula with mistakes, one of other propositions, one that is decided before
+            the first step, or one that the room of the table is too small for.
     """
     if is_family(config.task, env.propositions):
         return Pools(config, env).evaluation
-    length = config.task_length or None
-    task = str(config.task)
-    table = compile_named(
-        task, env.propositions, env.alphabet, length=length, limits=config.limits, progression=config.progression
-    )
+    task, length = str(config.task), config.task_length or None
+    if isinstance(formula := resolve(task), Formula) and (config.run.table_rows or config.run.table_length):
+        table = _with_room(config, formula, env)
+    else:
+        table = compile_named(
+            task, env.propositions, env.alphabet, length=length, limits=config.limits, progression=config.progression
+        )
     check_open(task, table)
     return table
+
+
+def _with_room(config: Config, formula: Formula, env: LabelledEnv) -> TaskTable:
+    """A table that has room for larger formulas."""
+    run, reader = config.run, config.learner.task_encoder
+    if run.table_length and reader is not None and reader.reads_padding:
+        raise ValueError("run.table_length pads the formulas, which this task encoder reads; leave it at 0")
+    automaton = build([formula], env.propositions, env.alphabet, limits=config.limits, progression=config.progression)
+    longest = max(len(tokens) for tokens in automaton.tokens)
+    rows = run.table_rows or len(automaton.tokens)
+    try:
+        return padded(automaton, rows, max(run.table_length, config.task_length) or longest, limits=config.limits)
+    except TooLargeError as error:
+        raise TooLargeError(f"{config.task}: {error}; set run.table_rows and run.table_length to more, or 0") from None
 
 
 def make_pools(config: Config, env: LabelledEnv) -> Pools | None:

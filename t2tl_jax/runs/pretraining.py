@@ -72,6 +72,7 @@ def matching(config: Config, env: LabelledEnv) -> Config:
     length = _set_length(config, env) if reader.reads_padding else 0
     random = is_family(task, env.propositions)
     network = replace(base.learner.network, task_encoder=reader, freeze_task_encoder=False)
+    own = config if task == config.task else config.for_task(task)
     return replace(
         base,
         env=SingleStateConfig(tuple(env.propositions)),
@@ -81,7 +82,7 @@ def matching(config: Config, env: LabelledEnv) -> Config:
         progression=config.progression,
         learner=replace(base.learner, network=network),
         seeds=config.seeds,
-        run=replace(config.run, gif=False),
+        run=replace(own.run, gif=False),
     )
 
 

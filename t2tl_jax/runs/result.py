@@ -186,7 +186,7 @@ class Result:
             return self._elsewhere(env, own.table)
         if task is None or isinstance(task, str | TaskFamily):
             with explained():
-                table = make_table(self.config if task is None else replace(self.config, task=task), env)
+                table = make_table(self.config if task is None else self.config.for_task(task), env)
         else:
             table = task
         experiment = self._elsewhere(env, table)
