@@ -57,7 +57,8 @@ def _default_cache() -> str:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """What happens around the training; none of it changes the numbers, but for the rounding of sums."""
+    """What happens around the training; none of it changes the numbers, but for the rounding of sums and what
+    `table_rows` says of random starts."""
 
     folder: str = "runs"
     """Runs are stored in FOLDER/<config>/<time>."""
@@ -83,7 +84,8 @@ class RunConfig:
 
     table_rows: Count = 0
     """Rows that the table of a formula has room for, so that trainings of formulas of different sizes share one
-    compiled program; 0 for as many as it needs. Of families and reward machines nothing of this counts."""
+    compiled program; 0 for as many as it needs. Where episodes start in random rows, others are drawn. Of families and
+    reward machines nothing of this counts."""
     table_length: Count = 0
     """The same for the tokens of a row. An encoder that reads padding does not take it."""
 
