@@ -139,7 +139,7 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
 def published_pieces() -> dict[str, Run]:
     """The published program for T1TL without pre-training, and with one choice of its code as it is by default here.
 
-    The motion is in closed form, which steps sixteen environments in a tenth of the time.
+    The motion is in closed form, since MJX takes long to step so few environments so often.
     """
     base = apply(named_config("zone_ppo_published"), "t1tl")
     env: Any = base.env

@@ -265,9 +265,11 @@ def test_levels_show_codes_side_by_side_and_what_was_not_played(zones):
 
 
 def test_what_longer_training_changes_needs_both_trainings(zones):
-    assert anycodes.longer_training({anycodes.LONGER: zones}) == ""
-    said = anycodes.longer_training({anycodes.LONGER: zones, anycodes.SHORTER: zones})
+    (longer, shorter), (other, _) = anycodes.LONGER
+    assert anycodes.longer_training({longer: zones, other: zones}) == ""
+    said = anycodes.longer_training({longer: zones, shorter: zones, other: zones})
     assert "0.000" in said and "2 pairs cannot give a p under 0.5." in said.replace("\n", " ")
+    assert "Corrected for 2 comparisons, 1 of which can be made so far." in said
 
 
 def test_what_can_be_read_alone_and_what_was_met_before(zones):
@@ -372,7 +374,7 @@ def test_runs_that_would_be_made_otherwise_today_are_named(zones):
 def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytest.MonkeyPatch) -> None:
     """Formula by formula and seed by seed; seeds that do not pair are not put side by side."""
     alone = np.random.default_rng(0).uniform(size=(6, 4))
-    success = {"any-pretraining-transformer": alone, anycodes.SHORTER: alone / 2}
+    success = {"any-pretraining-transformer": alone, "any-zones-transformer": alone / 2}
 
     def figures(run: SimpleNamespace) -> dict[str, Any]:
         rates = zip(suites.ZONE_Z, success[run.name], strict=True)
@@ -385,7 +387,7 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     first = next(line for line in said.splitlines() if "beside the robot |" in line)
     assert ", ".join(f"{value:.2f}" for value in alone[2] / 2) in first.split(" | ")[4]
     assert "**not reached**" in said
-    success[anycodes.SHORTER] = np.full((6, 4), 0.96)
+    success["any-zones-transformer"] = np.full((6, 4), 0.96)
     assert "**not reached**" not in anycodes.text_alone(runs)
-    runs[anycodes.SHORTER].seeds = (5, 6, 7, 8)
+    runs["any-zones-transformer"].seeds = (5, 6, 7, 8)
     assert anycodes.text_alone(runs) == anycodes.text_alone({}) == ""

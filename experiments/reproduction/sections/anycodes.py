@@ -15,13 +15,15 @@ from experiments.reproduction.stored import Stored
 PRETRAINED = "any-pretraining-"
 """What the names of runs begin with that train codes in the world of a single state."""
 
-LONGER, SHORTER = "any-zones-transformer-long", "any-zones-transformer"
+LONGER = [(f"any-zones-{reader}-long", f"any-zones-{reader}") for reader in ("transformer", "gru")]
 """Agents that read the same text for different numbers of frames."""
 
 READERS = {
-    SHORTER: "any-pretraining-transformer",
-    LONGER: "any-pretraining-transformer",
+    "any-zones-transformer": "any-pretraining-transformer",
+    "any-zones-transformer-long": "any-pretraining-transformer",
+    "any-zones-transformer-more": "any-pretraining-transformer-more",
     "any-zones-gru": "any-pretraining-gru",
+    "any-zones-gru-long": "any-pretraining-gru",
 }
 """Agents that know of the task by its text alone, and the runs that trained their codes, seed by seed."""
 
@@ -80,14 +82,15 @@ def _of_each_seed(run: Stored) -> dict[int, float]:
 
 def longer_training(runs: Mapping[str, Stored]) -> str:
     """What more frames change for an agent that reads text; '' unless both trainings are there."""
-    if not {LONGER, SHORTER} <= runs.keys():
+    there = [pair for pair in LONGER if {*pair} <= runs.keys()]
+    if not there:
         return ""
-    tested_on = {name: _of_each_seed(runs[name]) for name in (LONGER, SHORTER)}
-    found = differences(runs, [(LONGER, SHORTER)], tested_on, "success, mean of z1 to z6")
-    pairs = len(runs[SHORTER].seeds)
+    tested_on = {name: _of_each_seed(runs[name]) for pair in there for name in pair}
+    found = differences(runs, LONGER, tested_on, "success, mean of z1 to z6")
+    pairs = min(len(runs[shorter].seeds) for _, shorter in there)
     said = (
-        f"The longer training has the same seeds, maps and codes; a permutation of {pairs} pairs cannot give a p under "
-        f"{2 / 2**pairs:.3g}."
+        f"The longer training has the same seeds and maps, and codes of an equal pre-training; a permutation of "
+        f"{pairs} pairs cannot give a p under {2 / 2**pairs:.3g}."
     )
     return f"{found}\n\n{said}" if found else ""
 
