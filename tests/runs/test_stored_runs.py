@@ -78,7 +78,7 @@ def test_training_longer_equals_training_long(long, train, resume):
     short = train("--frames", "600", "--seeds", "2", "--run.evaluation-episodes", "0")
     killed = Path(shutil.copytree(short, short.parent / "killed"))
     with (killed / "metrics.csv").open("a") as file:
-        file.write("7,700,0,1,1,0,0,0,0.5,10,7,0.1,0.2\n7,700,1,1,1,0,0,0,0.5,10,7,0.1,0.2\n8,800,0,1")
+        file.write("7,700,0,1,1,0,0,0,0.5,1,10,7,0.1,0.2\n7,700,1,1,1,0,0,0,0.5,1,10,7,0.1,0.2\n8,800,0,1")
     for folder in (short, killed):
         assert resume(folder, "--frames", "1200") == 0
         assert_same_run(long, folder)
