@@ -280,6 +280,26 @@ def test_what_can_be_read_alone_and_what_was_met_before(zones):
     assert anycodes.read_alone({"any-zones": zones}) == ""
 
 
+def test_what_an_agent_reads_is_that_of_the_pretraining_it_began_with():
+    """A pre-training that was made again is another one: a GPU does not repeat it."""
+    runs, results = all_runs(), stored.REPOSITORY / "results" / "any"
+    pairs = [pair for pair in anycodes.READERS.items() if (results / pair[0]).is_dir()]
+    assert len(pairs) >= 4
+    for agent, reader in pairs:
+        assert runs[agent].before == reader
+        trained, taught = (json.loads((results / name / "versions.json").read_text()) for name in (agent, reader))
+        assert trained["started"]["git_revision"] == taught["started"]["git_revision"], agent
+
+
+def test_two_pretrainings_of_one_code_are_compared():
+    [(more, fewer)] = anycodes.TAUGHT_MORE
+    runs = {name: stored.Stored(stored.REPOSITORY / "results" / "any" / name) for name in (more, fewer)}
+    line = next(line for line in anycodes.read_alone(runs).splitlines() if f"{more} - {fewer}" in line)
+    gap = np.subtract(*(np.mean(list(anycodes._of_each_seed(runs[name]).values())) for name in (more, fewer)))
+    assert f"{gap:.3f}" in line and "paired" not in line
+    assert "more frames" not in anycodes.read_alone({more: runs[more]})
+
+
 def test_only_policies_that_read_the_same_state_are_compared(tmp_path):
     config = all_runs()["any-memory-t1tl"].config
     flat = replace(config, learner=replace(config.learner, network=replace(config.learner.network, state=FlatConfig())))
