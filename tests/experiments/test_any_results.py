@@ -289,6 +289,8 @@ def test_what_an_agent_reads_is_that_of_the_pretraining_it_began_with():
         assert runs[agent].before == reader
         trained, taught = (json.loads((results / name / "versions.json").read_text()) for name in (agent, reader))
         assert trained["started"]["git_revision"] == taught["started"]["git_revision"], agent
+        status, before = (json.loads((results / name / "status.json").read_text()) for name in (agent, reader))
+        assert status["pretraining"]["training_seconds"] == before["all_sessions"]["training_seconds"], agent
 
 
 def test_two_pretrainings_of_one_code_are_compared():
@@ -403,7 +405,7 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     monkeypatch.setattr(anycodes, "figures", figures)
     runs: Any = {name: SimpleNamespace(name=name, seeds=(1, 2, 3, 4)) for name in success}
     said = anycodes.text_alone(runs)
-    assert "transformer 1.00." in said.replace("\n", " ")
+    assert "transformer 1.00, 1.00." in said.replace("\n", " ")
     first = next(line for line in said.splitlines() if "beside the robot |" in line)
     assert ", ".join(f"{value:.2f}" for value in alone[2] / 2) in first.split(" | ")[4]
     assert "**not reached**" in said

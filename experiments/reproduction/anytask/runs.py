@@ -145,7 +145,7 @@ def _encoders() -> dict[str, Run]:
         new[f"any-zones-{name}"] = _run(config, ENCODER_SEEDS, before=before, suites=(suites.ZONES, *more))
         longer = replace(config, frames=LONG_FRAMES)
         if name in TEXTS:
-            # Of the GRU it was trained on another day, after a pre-training that a GPU does not repeat exactly.
+            # The GRU's was made on another day, by a later commit: a GPU does not repeat a pre-training exactly.
             again = f"{before}-again" if name == "gru" else before
             new[again] = new[before]
             new[f"any-zones-{name}-long"] = _run(longer, ENCODER_SEEDS, before=again, suites=(suites.ZONES, *more))
