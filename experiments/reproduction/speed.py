@@ -167,7 +167,11 @@ def whole(runs: Mapping[str, Stored]) -> str:
 def _benchmark_steps(runs: Mapping[str, Stored]) -> str:
     """What a step of the reward-machine benchmark took, of all its maps at once; '' without its runs."""
     took = [1e3 * run.train_seconds / run.frames for name, run in runs.items() if name.startswith("rm-")]
-    return f" A step of the reward-machine benchmark took {min(took):.2f} to {max(took):.2f} ms." if took else ""
+    return (
+        f" A step of the reward-machine benchmark took {min(took):.2f} to {max(took):.2f} ms, beside others on a GPU."
+        if took
+        else ""
+    )
 
 
 def gpu_minutes(runs: Sequence[Stored]) -> float:

@@ -232,13 +232,11 @@ def test_violations_are_counted_by_episode(make):
     assert "difference" not in safe.safe({"safe-dfa": runs["safe-dfa"]})
 
 
-def test_who_is_not_paid_and_whose_values_run_off_is_said(make):
-    """Discount .9: after 2 steps 1 is worth .9."""
+def test_whose_values_run_off_is_said(make):
     returns = np.tile(np.array([0.9, 0.45, 0.0, 0.9])[:, None], (1, 10))
     values = np.tile(np.array([0.5, 1.5, 0.5, 2.5])[:, None], (1, 10))
     seen = {"length": 2.0, "discounted_return": returns, "q": values, "seeds": (1, 2, 3, 4)}
     runs = {name: make(name, **seen) for name in ("rm-single-crm", "rm-single-crm_shaped")}
-    assert benchmark.paid(runs["rm-single-crm"]) == pytest.approx([1.0, 0.5, 0.0, 1.0])
     text = benchmark.overvalued(runs)
     assert "rm-single-crm on map 2 (1.5; return 0.450 at the end" in text and "rm-single-crm on map 4" in text
     assert "shaped on map 4" in text and "shaped on map 2" not in text and "map 1" not in text
@@ -298,6 +296,7 @@ def test_paid_episodes_are_compared_with_the_published_share(make):
     own = rows(text)["rm-single-crm-slow"]
     assert own[2].startswith("0.000") and own[3].startswith("0.500") and "rm-single-ql" not in rows(text)
     assert f"{benchmark.FAR_BELOW}: rm-single-crm-slow after 200,000, 400,000, 1,000,000, 2,000,000 steps." in text
+    assert "rm-single-crm-slow: 0.40, 0.50, 0.50, 0.60." in text
     assert text.endswith(benchmark.UNKNOWN.format("rm-single-ql"))
 
 

@@ -1,6 +1,7 @@
 """Which code of a task generalises: agents of the open ZoneEnv with different codes, at levels of formulas."""
 
 from collections.abc import Mapping, Sequence
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -129,11 +130,12 @@ def read_alone(runs: Mapping[str, Stored]) -> str:
     known = {name: _of_each_seed(run) for name, run in runs.items() if name.startswith(PRETRAINED)}
     taught = differences(runs, TAUGHT_MORE, known, "success, mean of z1 to z6, read alone")
     if taught:
+        more, fewer = (len(runs[name].seeds) for name in TAUGHT_MORE[0])
         taught += (
             "\n\nThe first had more frames, so more formulas, a learning rate that begins at half and falls to 0, and "
             "other seeds; it was set up after results of the second on these very formulas had been seen. What of it "
-            "helps is not taken apart, and what it changes for the harder ones is in the table above. Four seeds "
-            "against four cannot give a p under 0.0286."
+            "helps is not taken apart, and what it changes for the harder ones is in the table above. So few seeds "
+            f"cannot give a p under {2 / comb(more + fewer, more):.3g}."
         )
     return "\n\n".join(part for part in (said, table(heading, rows), taught) if part) if rows else ""
 

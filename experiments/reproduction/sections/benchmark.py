@@ -40,12 +40,10 @@ EPISODES = 100
 
 SINGLE_NOTE = """In the published single task a wrong touch in the last state pays 1 too, which the published shares
 count, so that they do not compare with "carried out". Discounted return counts whatever was paid, the sooner the more,
-so that an agent gains by the touch that is nearer, be it the wrong one. Below, by map, discounted return at the end
-over what 1 is worth after the mean number of steps: episodes that are all paid come to 1 or more, so where it is less
-some were paid nothing; 1 or more does not say that all were. A gradient step of crm holds three states' values here
-instead of 77, at the learning rate that was chosen for 77, but for the slow run, which has the published one. The runs
-were made again to record what is paid. By the same settings and seeds other maps had been lost before: how a run ends
-on one map is not stable. Intervals of shares that pay are Student's over maps, and can pass 1."""
+so that an agent gains by the touch that is nearer, be it the wrong one. A gradient step of crm holds three states'
+values here instead of 77, at the learning rate that was chosen for 77, but for the slow run, which has the published
+one. The runs were made again to record what is paid. By the same settings and seeds other maps had been lost before:
+how a run ends on one map is not stable. Intervals of shares that pay are Student's over maps, and can pass 1."""
 
 UNKNOWN = "How many of our episodes were paid was not recorded in {}."
 """Of runs that are older than the metric."""
@@ -105,16 +103,6 @@ def scores(runs: Mapping[str, Stored]) -> dict[str, dict[int, np.ndarray]]:
                 steps, curve = normalised_scores(run.columns, seed, best[seed])
                 found[name][seed] = np.interp(published_water.STEPS, steps, curve, right=np.nan)
     return {name: curves for name, curves in found.items() if curves}
-
-
-def paid(run: Stored) -> list[float]:
-    """Discounted return at the end over that of an episode of the mean length that pays 1, by map.
-
-    Episodes that all pay 1 come to 1 or more (Jensen's inequality), whatever their lengths.
-    """
-    discount = run.config.learner.discount  # type: ignore[attr-defined]  # both learners have it
-    returns, lengths = run.end("discounted_return"), run.end("length")
-    return [returns[seed] / discount ** (lengths[seed] - 1) for seed in run.seeds]
 
 
 def overvalued(runs: Mapping[str, Stored]) -> str:
@@ -205,7 +193,6 @@ def _single(runs: Mapping[str, Stored]) -> list[str]:
         differences(runs, SINGLE_PAIRS, means, "mean discounted return over training"),
         rewarded(runs),
         SINGLE_NOTE,
-        "\n".join(f"{name}: {', '.join(f'{ratio:.2f}' for ratio in paid(run))}." for name, run in runs.items()),
     ]
 
 
@@ -222,7 +209,9 @@ def rewarded(runs: Mapping[str, Stored]) -> str:
         for said, steps in below(shares[name], marks, of_published).items():
             found[said] += [f"{name} after {', '.join(steps)} steps"] if steps else []
     unknown = [name for name in runs if name not in known]
+    by_map = [f"{name}: {', '.join(f'{share:.2f}' for share in of[:, -1])}." for name, of in shares.items()]
     parts = [table(["episodes that pay 1", *_thousands(marks)], rows), _listed(found)]
+    parts += ["\n".join(["By map, after the last of these steps:", *by_map])] if by_map else []
     return "\n\n".join(part for part in (*parts, UNKNOWN.format(", ".join(unknown)) if unknown else "") if part)
 
 
