@@ -90,6 +90,7 @@ def _main(texts: Sequence[str]) -> int:
     with explained():
         trainings = _trainings(arguments)
     where, rows = provenance.describe(["python", "-m", "experiments.benchmark", *texts]), []
+    settings = {name: value.name if isinstance(value, Path) else value for name, value in asdict(arguments).items()}
     devices = f"{len(where['devices'])} x {where['devices'][0]}"
     print(f"{devices}, jax {where['packages']['jax']}; {arguments.repeats} calls each")
     for part in arguments.parts:
@@ -98,6 +99,8 @@ def _main(texts: Sequence[str]) -> int:
         for one in MEASURE[part](arguments, trainings):
             new.append(one)
             print(f"{one.what}, {one.size}: {measured.three_digits(one.rate)} {one.unit}", file=sys.stderr, flush=True)
+            if arguments.json is not None:  # after each row, so that what is stopped or fails keeps what it has
+                measured.write(arguments.json, where, settings, [*rows, *new])
         print(measured.table(new))
         rows += new
     if earlier is not None:
@@ -107,8 +110,6 @@ def _main(texts: Sequence[str]) -> int:
         print(measured.against(rows, before))
     print(f"\n## What others say of themselves, on other hardware\n\n{measured.peers()}")
     if arguments.json is not None:
-        settings = {name: value.name if isinstance(value, Path) else value for name, value in asdict(arguments).items()}
-        measured.write(arguments.json, where, settings, rows)
         print(f"\nwritten: {arguments.json}")
     return 0
 

@@ -30,6 +30,9 @@ FIRST_SEED = 24
 SECOND_SEED = 40
 """Of agents whose settings were chosen, on seeds from 100 on, after those with seeds from 24 on had been seen."""
 
+THIRD_SEED = 60
+"""Of the agent in WaterWorld, whose settings were chosen once more after the seeds from 40 on had been seen."""
+
 HEADLINE_SEEDS, ENCODER_SEEDS, MEMORY_SEEDS = "10", "4", "12"
 
 ENCODER_FRAMES, FRESH_FRAMES, PRETRAINING_FRAMES, MEMORY_FRAMES = 20_000_000, 8_000_000, 3_000_000, 8_000_000
@@ -111,9 +114,9 @@ def _headline() -> dict[str, Run]:
         "any-letters": (letters, {"suites": (suites.LETTERS, suites.LETTERS_LONG, suites.LETTER_MAPS)}),
         "any-flat": (flat, {"suites": (suites.FLAT,)}),
     }
-    again = ("any-zones", "any-water", "any-flat")
+    again = {"any-zones": SECOND_SEED, "any-flat": SECOND_SEED, "any-water": THIRD_SEED}
     runs = {
-        name: _run(config, HEADLINE_SEEDS, early=True, first_seed=SECOND_SEED if name in again else FIRST_SEED, **more)
+        name: _run(config, HEADLINE_SEEDS, early=True, first_seed=again.get(name, FIRST_SEED), **more)
         for name, (config, more) in tested.items()
     }
     dqn = _without(named_config("letters_any_dqn"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
