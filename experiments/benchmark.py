@@ -89,7 +89,8 @@ def _main(texts: Sequence[str]) -> int:
     earlier = None if arguments.against is None else measured.read(arguments.against)
     with explained():
         trainings = _trainings(arguments)
-    where, rows = provenance.describe(["python", "-m", "experiments.benchmark", *texts]), []
+    where = provenance.describe(["python", "-m", "experiments.benchmark", *texts])
+    rows: list[measured.Row] = []
     settings = {name: value.name if isinstance(value, Path) else value for name, value in asdict(arguments).items()}
     devices = f"{len(where['devices'])} x {where['devices'][0]}"
     print(f"{devices}, jax {where['packages']['jax']}; {arguments.repeats} calls each")

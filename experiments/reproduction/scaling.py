@@ -1,8 +1,9 @@
 """The table of several GPUs: stored benchmarks of one device beside those of several of its kind."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from experiments.benchmarks import measured
@@ -14,6 +15,9 @@ AIM_OF_SEEDS, AIM_OF_ONE_SEED = 1.9, 1.7
 
 PARTS = ("training", "environments")
 """What several devices share."""
+
+WIDTH = 120
+"""Of a line of the page."""
 
 NOTHING = "Not measured yet: no stored benchmark of several GPUs has a counterpart of one, by the same commit and JAX."
 
@@ -64,16 +68,47 @@ def scaling(results: Path) -> str:
     Args:
         results: the folder with ``benchmark_*.json``.
     """
-    parts = []
-    for versions, found in pairs(results):
+    parts, same_work = [], pairs(results)
+    for versions, found in same_work:
         count = found[0].count
         heading = ("what", "size", "one device", f"{count} devices", "ratio (range)", "aim", "")
         parts += [table(heading, [_line(pair) for pair in found]), origin([versions])]
-    return "\n\n".join(parts) or NOTHING
+    as_many_each = pairs(results, of_each)
+    if as_many_each:
+        found = [pair for _, of_one_file in as_many_each for pair in of_one_file]
+        rows = [
+            (pair.one.what, _short(pair.one), f"{_short(pair.several)} on {pair.count}", _ratio(pair)) for pair in found
+        ]
+        columns = ("what", "one device", "several devices", "ratio (range)")
+        parts += [
+            "The same with as many seeds on each device, so that the work grows with the devices:",
+            table(columns, rows),
+            origin([versions for versions, _ in as_many_each]),
+            _what_limits(found),
+        ]
+    return "\n\n".join(part for part in parts if part) or NOTHING
 
 
-def pairs(results: Path) -> list[tuple[Mapping[str, Any], list[Pair]]]:
-    """Of each file of several devices, where it was measured and its rows that one device has too.
+Counterpart = Callable[[measured.Row, int], tuple[str, ...]]
+"""The key of what one device should have done, for what so many did."""
+
+
+def same(several: measured.Row, count: int) -> tuple[str, ...]:
+    """The very same work on one device."""
+    return several.key
+
+
+def of_each(several: measured.Row, count: int) -> tuple[str, ...]:
+    """The seeds of one of the devices by themselves; () where they are not several seeds that share out evenly."""
+    seeds, _, word = several.size.partition(" ")
+    if word != "seeds" or int(seeds) % count:
+        return ()
+    each = int(seeds) // count
+    return replace(several, size="1 seed" if each == 1 else f"{each} seeds").key
+
+
+def pairs(results: Path, counterpart: Counterpart = same) -> list[tuple[Mapping[str, Any], list[Pair]]]:
+    """Of each file of several devices, where it was measured and its rows that one device has a counterpart of.
 
     Rows in which some of the devices had nothing to do are left out. Of several files of one device, the newest counts.
     """
@@ -91,9 +126,10 @@ def pairs(results: Path) -> list[tuple[Mapping[str, Any], list[Pair]]]:
     for setting, where, rows in of_several:
         of_one = alone.get(setting, {})
         count = len(where["devices"])
-        kept = [one for one in rows if one.part in PARTS and one.devices == count and one.key in of_one]
+        shared = [one for one in rows if one.part in PARTS and one.devices == count]
+        kept = [Pair(of_one[counterpart(one, count)], one) for one in shared if counterpart(one, count) in of_one]
         if kept:
-            found.append((where, [Pair(of_one[one.key], one) for one in kept]))
+            found.append((where, kept))
     return found
 
 
@@ -112,15 +148,44 @@ def _setting(where: Mapping[str, Any]) -> Setting | None:
     return Setting(kinds.pop(), commit, where["packages"]["jax"])
 
 
+def _short(row: measured.Row) -> str:
+    return f"{row.size}: {three_digits(row.rate)} {row.unit}"
+
+
+def _ratio(pair: Pair) -> str:
+    """With its range: the slowest call over the fastest to the fastest over the slowest."""
+    one, several = pair.one, pair.several
+    return f"{pair.ratio:.2f} ({several.slowest / one.fastest:.2f}, {several.fastest / one.slowest:.2f})"
+
+
+def _what_limits(found: Sequence[Pair]) -> str:
+    """What one device gains by more seeds, which is what several lack that share out the same ones; '' if unknown."""
+    rates = {(pair.one.what, pair.one.size): pair.one.rate for pair in found}
+    said = []
+    for pair in found:
+        more = rates.get((pair.several.what, pair.several.size))
+        if more is not None:
+            said.append(
+                f"{pair.one.what} makes {more / pair.one.rate:.2f} times the frames/s with {pair.several.size} as with "
+                f"{pair.one.size.removesuffix(' seeds')}"
+            )
+    if not said:
+        return ""
+    return fill(
+        f"So seeds do not slow each other down across devices. On one device {'; '.join(said)}: fewer seeds leave it "
+        "less busy, and that is what the same seeds lose on several.",
+        WIDTH,
+    )
+
+
 def _line(pair: Pair) -> tuple[str, ...]:
     one, several, aim = pair.one, pair.several, pair.aim
-    lowest, highest = several.slowest / one.fastest, several.fastest / one.slowest
     return (
         one.what,
         one.size,
         f"{three_digits(one.rate)} {one.unit}",
         f"{three_digits(several.rate)} {several.unit}",
-        f"{pair.ratio:.2f} ({lowest:.2f}, {highest:.2f})",
+        _ratio(pair),
         "-" if aim is None else f"{aim:g}",
         "" if aim is None else "met" if pair.ratio >= aim else "not met",
     )

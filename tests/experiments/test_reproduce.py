@@ -208,7 +208,7 @@ def test_no_run_is_on_seeds_that_settings_were_chosen_on(runs):
             assert in_zones == name.startswith(("zone-", "safe-", "prime-", "any-")), name
             assert not seeds & (searched if in_zones else set(tuning.TUNED["waterworld_dqn"].seeds)), name
             assert seeds <= set(range(run.first_seed, run.first_seed + 12)), name
-            again = name.endswith("-more") or name in ("any-zones", "any-flat")
+            again = name.endswith(("-more", "-more-again")) or name in ("any-zones", "any-flat")
             first = 60 if name == "any-water" else 40 if again else 24 if in_zones else 0
             assert run.first_seed == first, name
     for name in ("zone-t2tl", "safe-dfa", "water-t1tl", "water-pretraining-gnn"):

@@ -259,6 +259,30 @@ def test_successes_are_counted_by_the_noise_until_the_task_is_found(make):
     assert "standard deviation is at most 1.314 (entropy 1.692 a dimension" in said
 
 
+def test_noise_that_grows_is_told_apart_from_failing(make):
+    """One piece never comes to the limit and solves one seed of four; the program comes to it and solves two."""
+    most = np.tile([1.0] * 5 + [figures.MOST_ENTROPY] * 5, (4, 1))
+    solved = {"evaluated": {1000: played([1.0, 0.99, 0.1, 0.0], 200.0)}}
+    runs = {
+        figures.BASE: make(figures.BASE, entropy=most, **solved),
+        f"{figures.BASE}-512-environments": make(f"{figures.BASE}-512-environments", entropy=most, **solved),
+        f"{figures.BASE}-normalised-advantages": make(
+            f"{figures.BASE}-normalised-advantages",
+            entropy=np.tile([[0.5], [0.6], [0.7], [0.8]], 10),
+            evaluated={1000: played([1.0, 0.9, 0.1, 0.0], 200.0)},
+        ),
+    }
+    said = figures.noise_of_pieces(runs)
+    assert rows(said)[figures.BASE] == ["2/4", "4/4", "4/4", "1.69 to 1.69"]
+    assert rows(said)[f"{figures.BASE}-normalised-advantages"] == ["1/4", "0/4", "0/4", "0.60 to 0.80"]
+    assert "normalised-advantages solves 1 of 4, and no seed's noise is ever there" in said
+    assert "stay below" not in figures.noise_of_pieces({figures.BASE: runs[figures.BASE]})
+    whole = figures.published_pieces(runs)
+    heading = next(line for line in whole.splitlines() if line.startswith("| frames | t1tl as published"))
+    assert "normalised-advantages" in heading and "512-environments" not in heading
+    assert "Not in this table: 512-environments" in whole
+
+
 def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make):
     falling = np.tile([0.0] * 5 + [0.8] + [0.0] * 3 + [0.4], (4, 1))  # eighths of ten iterations
     runs = {

@@ -145,6 +145,20 @@ def test_several_devices_are_compared_with_one(tmp_path):
     assert len(lines) == 5 and "| 1,500,000 steps/s | 1.50 (1.47, 1.53) | - |" in lines[4]
 
 
+def test_work_that_grows_with_the_devices_is_compared_too(tmp_path):
+    store(tmp_path, "two", TWO, [("a", "48 seeds", 4e6, 2), ("a", "25 seeds", 3e6, 2), ("b", "2 seeds", 1e6, 2)])
+    assert scaling.scaling(tmp_path) == scaling.NOTHING
+    store(tmp_path, "one", ONE, [("a", "24 seeds", 2e6, 1), ("a", "12 seeds", 1e6, 1), ("b", "1 seed", 1e6, 1)])
+    shown = scaling.scaling(tmp_path)
+    assert "| a | 24 seeds: 2,000,000 frames/s | 48 seeds: 4,000,000 frames/s on 2 | 2.00 (1.96, 2.04) |" in shown
+    assert "| b | 1 seed: 1,000,000 frames/s | 2 seeds: 1,000,000 frames/s on 2 | 1.00 (0.98, 1.02) |" in shown
+    assert "25 seeds" not in shown and "aim" not in shown and "So seeds" not in shown
+    store(tmp_path, "two_more", TWO, [("a", "24 seeds", 1.9e6, 2)])
+    shown = scaling.scaling(tmp_path)
+    assert "| a | 24 seeds | 2,000,000 frames/s | 1,900,000 frames/s | 0.95 (0.93, 0.97) | 1.9 | not met |" in shown
+    assert "a makes 2.00 times the frames/s with 24 seeds as with 12" in shown.replace("\n", " ")
+
+
 @pytest.mark.parametrize(
     ("devices", "other"),
     [

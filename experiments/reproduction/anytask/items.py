@@ -20,7 +20,11 @@ _CODES = tuple(
     )
 )
 _PRETRAINED = tuple(
-    f"any-pretraining-{name}" for name in ("automaton", "transformer", "rgcn", "gru", "transformer-more", "gru-again")
+    f"any-pretraining-{name}"
+    for name in (
+        *("automaton", "transformer", "rgcn", "gru"),
+        *("transformer-more", "transformer-more-again", "gru-again"),
+    )
 )
 _MEMORIES = tuple(f"any-memory-{name}" for name in MEMORIES)
 

@@ -148,15 +148,18 @@ def _encoders() -> dict[str, Run]:
         new[f"any-zones-{name}"] = _run(config, ENCODER_SEEDS, before=before, suites=(suites.ZONES, *more))
         longer = replace(config, frames=LONG_FRAMES)
         if name in TEXTS:
-            # The GRU's was made on another day, by a later commit: a GPU does not repeat a pre-training exactly.
+            # The GRU's was made on another day, by a later commit: a GPU does not repeat a pre-training exactly. So was
+            # that of the agent below.
             again = f"{before}-again" if name == "gru" else before
             new[again] = new[before]
             new[f"any-zones-{name}-long"] = _run(longer, ENCODER_SEEDS, before=again, suites=(suites.ZONES, *more))
         if name == "transformer":
             taught = Run(_taught_more(pretraining.config), seeds=ENCODER_SEEDS, first_seed=SECOND_SEED, evaluated=False)
-            new[f"{before}-more"] = replace(taught, suites=(suites.READ_ALONE,))
+            taught = replace(taught, suites=(suites.READ_ALONE,))
+            again = f"{before}-more-again"
+            new |= {f"{before}-more": taught, again: taught}
             new[f"any-zones-{name}-more"] = _run(
-                longer, ENCODER_SEEDS, SECOND_SEED, before=f"{before}-more", suites=(suites.ZONES, *more)
+                longer, ENCODER_SEEDS, SECOND_SEED, before=again, suites=(suites.ZONES, *more)
             )
     fresh = replace(_encoder(flat, LEARNED["transformer"]), frames=FRESH_FRAMES)
     new["any-zones-transformer-fresh"] = _run(fresh, ENCODER_SEEDS, **tested)

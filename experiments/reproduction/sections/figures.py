@@ -14,7 +14,7 @@ from experiments.reproduction.cells import share, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections.ablation import ablation
-from experiments.reproduction.stored import Stored
+from experiments.reproduction.stored import Stored, last_ones
 from experiments.reproduction.tables import curves_by_episode, curves_by_frames, mean_return_at, methods
 from t2tl_jax.networks.actor_critic import MINIMUM_STD
 
@@ -136,16 +136,70 @@ def published_program(runs: Mapping[str, Stored]) -> str:
     )
 
 
-PUBLISHED_PIECES = tuple(name for name in named.published_pieces() if name != "zone-published-t1tl")
+BASE = "zone-published-t1tl"
+PUBLISHED_PIECES = tuple(name for name in named.published_pieces() if name != BASE)
+FEW_ENVIRONMENTS = 16
+"""Of the published program. Where there are many more, all of them time out in the same few iterations, and between
+these only successes end, which a curve by frames cannot be read off."""
 
 
 def published_pieces(runs: Mapping[str, Stored]) -> str:
     """The published program for T1TL beside its curve, and with one choice after another as it is by default here."""
-    section = ablation([(name, "zone-published-t1tl") for name in PUBLISHED_PIECES], "discounted_return")
-    labels = {name: name.removeprefix("zone-published-t1tl-") for name in PUBLISHED_PIECES}
-    labels["zone-published-t1tl"] = "t1tl as published"
-    curve = {"zone-published-t1tl": (published_widths.FRAMES, published_widths.ZONE["T1TL 16"])}
-    return _joined(section(runs), curves_by_frames(runs, labels, published_widths.FRAMES, curve) if runs else "")
+    if not runs:
+        return ""
+    pairs = [(name, BASE) for name in PUBLISHED_PIECES]
+    labels = {name: name.removeprefix(f"{BASE}-") for name in PUBLISHED_PIECES} | {BASE: "t1tl as published"}
+    curve = {BASE: (published_widths.FRAMES, published_widths.ZONE["T1TL 16"])}
+    few = {name: run for name, run in runs.items() if _environments(run) <= FEW_ENVIRONMENTS}
+    left_out = [labels[name] for name in runs if name not in few]
+    more = (
+        f"Not in this table: {', '.join(left_out)}, where all environments time out at once, every few iterations, and "
+        "between these only successes end."
+    )
+    return _joined(
+        ablation(pairs, "discounted_return")(runs),
+        noise_of_pieces(runs),
+        curves_by_frames(few, labels, published_widths.FRAMES, curve) if few else "",
+        more if left_out else "",
+    )
+
+
+def _environments(run: Stored) -> int:
+    return run.config.learner.num_envs  # type: ignore[attr-defined,no-any-return]
+
+
+def noise_of_pieces(runs: Mapping[str, Stored]) -> str:
+    """Whether the policies' noise is at its limit at the end, and ever was; '' where nothing is known of it."""
+    rows, never = [], []
+    for name, run in runs.items():
+        if "entropy" not in run.metrics:
+            continue
+        most = MOST_ENTROPY - NEAR
+        last = run.metrics["entropy"][:, -last_ones(run.metrics["entropy"].shape[1]) :].mean(axis=1)
+        ever = (run.metrics["entropy"] > most).any(axis=1)
+        solved = [rate > 0.95 for rate in run.by_seed("success_rate").values()]
+        others = [float(entropy) for entropy, done in zip(last, solved, strict=True) if not done]
+        spread = f"{min(others):.2f} to {max(others):.2f}" if others else "-"
+        count = len(run.seeds)
+        rows.append((name, f"{sum(solved)}/{count}", f"{ever.sum()}/{count}", f"{(last > most).sum()}/{count}", spread))
+        if not ever.any():
+            never.append(f"{name.removeprefix(f'{BASE}-')} solves {sum(solved)} of {count}")
+    if not rows:
+        return ""
+    heading = (
+        *("run", "solved", "seeds whose noise was ever at its limit", "at the end"),
+        "entropy a dimension at the end, of seeds not solved",
+    )
+    said = (
+        f"The limit of the noise is an entropy of {MOST_ENTROPY:.3f}, within {NEAR}, as above. It is no sign of a seed "
+        "that fails: those that succeed come to it too."
+    )
+    if never:
+        said += (
+            f" Nor does it help to stay below: {'; '.join(never)}, and no seed's noise is ever there. So the noise "
+            "that grows is not by itself what keeps this program from the task."
+        )
+    return f"{table(heading, rows)}\n\n{said}"
 
 
 FOUND = 0.5
@@ -171,8 +225,8 @@ def found_or_not(run: Stored) -> str:
     heading = ("success in training", "seeds", "return at the end", "best success in training")
     said = (
         "Seeds are split by how they came out, so that neither line compares with the published mean; some find the "
-        "task late, and others might with more frames. Why they find it so late or not at all is open; "
-        "[methods](methods.md) lists what of the published code is left out."
+        "task late, and others might with more frames. Which of its choices that is due to is asked in the next "
+        "section; [methods](methods.md) lists what of the published code is left out."
     )
     return _joined(table(heading, rows), said, noise(run))
 
@@ -210,8 +264,7 @@ def noise(run: Stored) -> str:
     said = (
         f"The policy's standard deviation is at most {MOST_STD:.3f} (entropy {MOST_ENTROPY:.3f} a dimension; within "
         f"{NEAR} of that is called its limit). Counted are episodes before a seed has found the task. In the seeds "
-        f"that never do, {lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit. What "
-        "drives the noise there is open."
+        f"that never do, {lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit."
     )
     return f"{table(heading, rows)}\n\n{said}"
 
