@@ -3,21 +3,17 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from textwrap import fill
 from typing import Any
 
 from experiments.benchmarks import measured
 from experiments.benchmarks.measured import three_digits
-from experiments.reproduction.page import origin, table
+from experiments.reproduction.page import origin, paragraph, table
 
 AIM_OF_SEEDS, AIM_OF_ONE_SEED = 1.9, 1.7
 """So many times the frames/s of one device are aimed at for two; nothing was set for other numbers."""
 
 PARTS = ("training", "environments")
 """What several devices share."""
-
-WIDTH = 120
-"""Of a line of the page."""
 
 NOTHING = "Not measured yet: no stored benchmark of several GPUs has a counterpart of one, by the same commit and JAX."
 
@@ -171,10 +167,9 @@ def _what_limits(found: Sequence[Pair]) -> str:
             )
     if not said:
         return ""
-    return fill(
+    return paragraph(
         f"So seeds do not slow each other down across devices. On one device {'; '.join(said)}: fewer seeds leave it "
-        "less busy, and that is what the same seeds lose on several.",
-        WIDTH,
+        "less busy, and that is what the same seeds lose on several."
     )
 
 

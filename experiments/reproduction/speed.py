@@ -193,6 +193,10 @@ def gpu_minutes(runs: Sequence[Stored]) -> float:
 def environments(results: Path) -> str:
     """Steps/s of environments, of every stored benchmark; a line that says so if there is none."""
     parts = []
+    for where, measurements in in_time(results):
+        found = [row for row in measurements if row.part == "environments"]
+        if found and len(where["devices"]) == 1:
+            parts += [table(STEPS, [_steps(row) for row in found]), origin([where])]
     for stored in benchmarks(results):
         settings = stored["config"]
         rows = [
@@ -212,6 +216,14 @@ def environments(results: Path) -> str:
             origin([stored["where"]]),
         ]
     return "\n\n".join(parts) or "Not measured yet from a commit of this history."
+
+
+STEPS = ("environment, physics", "environments", "steps/s (minimum, maximum)", "compile")
+
+
+def _steps(row: measured.Row) -> tuple[str, ...]:
+    rate, slowest, fastest = map(measured.three_digits, (row.rate, row.slowest, row.fastest))
+    return row.what, row.size, f"{rate} ({slowest}, {fastest})", f"{row.compile_s or 0:.1f} s"
 
 
 def benchmarks(results: Path) -> list[dict[str, Any]]:
@@ -263,7 +275,7 @@ def short_table(results: Path) -> str:
             f"{spans['T2TL, MJX, 12 seeds']} / {spans['T1TL, MJX, 12 seeds']}",
         ),
         *trainings(results),
-        *largest(benchmarks(results)),
+        *largest(results),
     ]
     return table(("what", "hardware", "figure"), rows)
 
@@ -309,21 +321,28 @@ def trainings(results: Path) -> list[tuple[str, str, str]]:
     return shown
 
 
-def largest(benchmarked: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
-    """A row of the README for each benchmark of environments on one device: steps/s of its largest batch, to three
-    digits."""
-    rows = []
-    for one in benchmarked:
-        if any(row.get("devices", 1) > 1 for row in one["results"]):
+WORLDS = {
+    "zones, mjx": "ZoneEnv by MJX",
+    "zones, closed_form": "in closed form",
+    "waterworld, straight_flight": "WaterWorld",
+    "letterworld, grid": "LetterWorld",
+    "flatworld, steps": "FlatWorld",
+}
+"""As the README calls what `experiments.benchmark` times."""
+
+
+def largest(results: Path) -> list[tuple[str, str, str]]:
+    """The row of the README for environments: steps/s on one device by the newest file that has every world, at the
+    last size of batch that it timed all of them with, which is the largest."""
+    shown: list[tuple[str, str, str]] = []
+    for where, rows in in_time(results):
+        if len(where["devices"]) > 1 or where.get("git_modified"):
             continue
-        count = max(row["num_envs"] for row in one["results"])
-        last: Mapping[str, Any] = {row["physics"]: row for row in one["results"] if row["num_envs"] == count}
-        name = {"zones": "ZoneEnv", "waterworld": "WaterWorld"}[one["config"]["env"]]
-        speeds = " / ".join(f"{_three_digits(row['steps_per_s']):,.0f}" for row in last.values())
-        hardware = ", ".join(sorted(set(one["where"]["devices"]))).replace("NVIDIA ", "")
-        rows.append((f"{name}, {count:,} environments, {' / '.join(last)}", hardware, f"{speeds} steps/s"))
-    return rows
-
-
-def _three_digits(value: float) -> float:
-    return float(f"{value:.3g}")
+        rates = {(row.size, row.what): row.rate for row in rows if row.part == "environments"}
+        sizes = [size for size in dict.fromkeys(size for size, _ in rates) if all((size, of) in rates for of in WORLDS)]
+        if sizes:
+            speeds = " / ".join(measured.three_digits(rates[sizes[-1], of]) for of in WORLDS)
+            count = sizes[-1].removesuffix(" at once")
+            title = f"Random play, {count} environments: {' / '.join(WORLDS.values())}"
+            shown = [(title, where["devices"][0].replace("NVIDIA ", ""), f"{speeds} steps/s")]
+    return shown

@@ -64,11 +64,22 @@ def test_environments_are_shown_as_they_were_measured(tmp_path):
     (tmp_path / "env_x.json").write_text(json.dumps({"where": where, "config": config, "results": results}))
     shown = speed.environments(tmp_path)
     assert "| mjx | 64 | 1,234,567 (9, 5,000,000) | 1.2 s |" in shown and "Commits: aaaaaaa. " in shown
-    assert speed.largest(speed.benchmarks(tmp_path)) == [
-        ("ZoneEnv, 64 environments, mjx / closed_form", "H100", "1,230,000 / 4,000,000 steps/s")
+    of_one = {**where, "time": "2026-01-01"}
+    rows = [
+        measured.Row(
+            "environments", what, f"{count} at once", "steps/s", 1000.0 * rate * count, 1000.0, 2e6, compile_s=1.25
+        )
+        for count in (8, 64)
+        for rate, what in enumerate(speed.WORLDS, 1)
     ]
-    shared = [{**row, "devices": 2} for row in results]
-    assert speed.largest([{"where": where, "config": config, "results": shared}]) == []  # the README's are of one GPU
+    measured.write(tmp_path / "benchmark_x.json", of_one, {}, rows)
+    assert "| zones, mjx | 64 at once | 64,000 (1,000, 2,000,000) | 1.2 s |" in speed.environments(tmp_path)
+    shared = {**of_one, "devices": ["NVIDIA H100"] * 2, "time": "2026-01-02"}  # the README's are of one GPU
+    measured.write(tmp_path / "benchmark_two.json", shared, {}, [replace(row, rate=1e9, devices=2) for row in rows])
+    measured.write(tmp_path / "benchmark_y.json", {**of_one, "time": "2026-01-03"}, {}, rows[-4:])  # a world is missing
+    [(title, hardware, figure)] = speed.largest(tmp_path)
+    assert title.startswith("Random play, 64 environments: ZoneEnv by MJX / in closed form / WaterWorld / ")
+    assert (hardware, figure) == ("H100", "64,000 / 128,000 / 192,000 / 256,000 / 320,000 steps/s")
 
 
 def test_trainings_are_shown_as_they_were_measured(tmp_path):
