@@ -251,15 +251,15 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             next_task = embedding[steps.next_row]
             return value, apply(params, steps.obs, steps.next_obs, next_task, carry, method="value_after")
 
-        if context is None:
-            values = evaluate((steps, carry))
+        if context is None:  # by time and environment, as the environments are spread over devices
+            value, next_value = evaluate((replace(transitions, carry=()), ()))
         else:  # a token of a window takes much more memory than a value, so no more samples at once than in the update
             parts = jax.tree.map(
                 lambda x: x.reshape(config.num_minibatches, len(x) // config.num_minibatches, *x.shape[1:]),
                 (steps, carry),
             )
-            values = jax.lax.map(evaluate, parts)
-        value, next_value = (by_time(config, x) for x in values)
+            values = jax.lax.map(lambda part: evaluate(over_envs(part)), parts)
+            value, next_value = (by_time(config, x) for x in values)
         terminated, truncated = transitions.terminated, transitions.truncated
         if config.timeout_is_terminal:
             terminated, truncated = terminated | truncated, jnp.zeros_like(truncated)

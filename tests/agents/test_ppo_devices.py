@@ -45,3 +45,40 @@ jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b[1:], rtol=1e-4, atol=1
 @pytest.mark.slow
 def test_two_seeds_over_four_devices_give_the_numbers_of_one_on_one():
     run_on_four_devices(PROGRAM)
+
+
+SHARES = """
+import math, re
+from dataclasses import replace
+from t2tl_jax.agents.ppo import make_ppo
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.devices import seed_sharding
+from t2tl_jax.training.program import params_of_seeds, trace
+from tests.agents.sizes import PPO
+from tests.agents.test_ppo import ONE_HOT
+from tests.parameters import begun_quickly
+from tests.probe import ProbeEnv
+
+probe = ProbeEnv()
+env = TaskEnv(probe, compile_tasks(["F(Up & F(Down & F Up))"], probe.propositions, probe.alphabet))
+
+def products(context, per_seed):  # numbers that matrix products give, on each device
+    config = replace(PPO, network=replace(ONE_HOT, context=context), num_envs=256, minibatch_size=512, epochs=1)
+    agent = begun_quickly(make_ppo(env, config, episode_length=20, iterations=60))
+    sharding = seed_sharding(1, agent.num_envs, per_seed=per_seed)
+    program = trace(agent, (5,), params_of_seeds(env, (5,)), sharding=sharding)
+    found = re.findall(r"= f32\\[([0-9,]+)\\]\\S* dot\\(", program.lowered_iterate.compile().as_text())
+    return sum(math.prod(map(int, shape.split(","))) for shape in found)
+
+for context in (None, ContextConfig(length=4)):
+    share = products(context, 4) / products(context, 1)
+    assert share < 0.3, (context, share)
+"""
+
+
+@pytest.mark.slow
+def test_each_of_four_devices_does_a_quarter_of_the_matrix_products():
+    """Also of the values of a rollout: what every device computes for all is lost by those that share it out."""
+    run_on_four_devices(SHARES)
