@@ -203,9 +203,14 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
         return {task: {anycodes.SAMPLED: {"success_rate": values}} for task, values in rates}
 
     monkeypatch.setattr(anycodes, "figures", figures)
+    monkeypatch.setattr(anycodes, "own_family", lambda run: dict.fromkeys(run.seeds, 0.25) if families else {})
+    families = True
     runs: Any = {name: SimpleNamespace(name=name, seeds=(1, 2, 3, 4)) for name in success}
     said = anycodes.text_alone(runs)
     assert "transformer 1.00, 1.00." in said.replace("\n", " ")
+    assert f"and on z1 to z6: transformer 0.25, {alone.mean() / 2:.2f}." in said
+    families = False
+    assert "family" not in anycodes.text_alone(runs)
     first = next(line for line in said.splitlines() if "beside the robot |" in line)
     assert ", ".join(f"{value:.2f}" for value in alone[2] / 2) in first.split(" | ")[4]
     assert "**not reached**" in said

@@ -149,7 +149,7 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
     """What agents come to that read text, by formula and seed, beside what their codes come to read alone."""
     rows: dict[tuple[str, str], tuple[str, ...]] = {}
     merged: dict[str, Any] = {}
-    bars, said = [], []
+    bars, said, families = [], [], []
     for agent, reader in READERS.items():
         if not {agent, reader} <= runs.keys():
             continue
@@ -165,6 +165,9 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         others = np.arange(alone.size) != alone.argmin()
         without = _correlation(alone.ravel()[others], beside.ravel()[others])
         said.append(f"{name} {_correlation(alone, beside)}, {without}")
+        own = own_family(runs[agent])
+        if own:
+            families.append(f"{name} {np.mean(list(own.values())):.2f}, {beside.mean():.2f}")
     if not rows:
         return ""
     explained = (
@@ -174,6 +177,12 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         "(Pearson), over formulas and seeds, and without the one point that is read worst, on which it may rest: "
         f"{'; '.join(said)}."
     )
+    if families:
+        explained += (
+            " Success on formulas of the family that they were trained on, which they had not met, and on z1 to z6: "
+            f"{'; '.join(families)}. Where both are as low, it is not for z1 to z6 being unlike the training that an "
+            "agent stays behind: it does not do everything that it was trained on either."
+        )
     shown = [(*of, *cells) for of, cells in rows.items()]
     tested_on = {name: _of_each_seed(run) for name, run in runs.items() if name in BESIDE[0]}
     taught = differences(runs, BESIDE, tested_on, "success, mean of z1 to z6, beside the robot")
