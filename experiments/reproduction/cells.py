@@ -9,7 +9,7 @@ from experiments.reproduction.measures import frames_before
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation import statistics
 
-COST = ("frames (+ pre-training)", "training, all seeds", "compile")
+COST = ("frames (+ pre-training)", "training, all seeds (+ pre-training)", "compile")
 """The heading of `cost`."""
 
 
@@ -51,10 +51,12 @@ def _million(frames: float) -> str:
 
 
 def cost(run: Stored) -> tuple[str, str, str]:
-    """Frames of each seed, also those of pre-training, and seconds of training all seeds together and of compiling."""
+    """Frames of each seed, and seconds of training all seeds together, also those of pre-training, and of compiling."""
     before = frames_before(run)
+    seconds = run.status.get("pretraining", {}).get("training_seconds")
     more = " + ?" if before is None else f" + {before:,}" if before else ""
-    return f"{run.frames:,}{more}", f"{run.train_seconds:.0f} s", f"{run.compile_seconds:.0f} s"
+    longer = "" if before == 0 else " + ?" if seconds is None else f" + {seconds:.0f}"
+    return f"{run.frames:,}{more}", f"{run.train_seconds:.0f}{longer} s", f"{run.compile_seconds:.0f} s"
 
 
 def cost_line(runs: Mapping[str, Stored]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.paper import published_attention, published_water, published_widths, step_tables
-from experiments.reproduction import claims, measures, representations
+from experiments.reproduction import cells, claims, measures, representations
 from experiments.reproduction.items import ITEMS
 from experiments.reproduction.runs import all_runs
 from experiments.reproduction.sections import ablation, attention, benchmark, figures, safe, steps, unit_time, widths
@@ -187,6 +187,12 @@ def test_frames_of_pretraining_go_before_those_of_training(make):
     assert measures.delayed(long, "success_rate") == dict.fromkeys(SEEDS, 0.0)
     unknown = make("water-gnn-pre-random", **each)
     assert measures.delayed(unknown, "success_rate") == {}
+    seconds = f"{own.train_seconds:.0f}"
+    assert [cells.cost(run)[1] for run in (own, none, unknown)] == [
+        f"{seconds} + 5 s",
+        f"{seconds} s",
+        f"{seconds} + ? s",
+    ]
     text = ITEMS["pretraining-water"].section(runs)
     shown = rows(text)["water-t1tl-pre-own"]
     assert shown[5] == "0.50 M" and shown[6] == "0.75 M" and "1,000,000 + 250,000" in shown
