@@ -12,6 +12,9 @@ from experiments.reproduction.page import origin, paragraph, table
 AIM_OF_SEEDS, AIM_OF_ONE_SEED = 1.9, 1.7
 """So many times the frames/s of one device are aimed at for two; nothing was set for other numbers."""
 
+FULL = 0.95
+"""Of so many times the devices' number at least, a ratio says that devices do not slow each other down."""
+
 PARTS = ("training", "environments")
 """What several devices share."""
 
@@ -71,17 +74,15 @@ def scaling(results: Path) -> str:
         parts += [table(heading, [_line(pair) for pair in found]), origin([versions])]
     as_many_each = pairs(results, of_each)
     if as_many_each:
-        found = [pair for _, of_one_file in as_many_each for pair in of_one_file]
+        parts.append("The same with as many seeds on each device, so that the work grows with the devices:")
+    for setting in dict.fromkeys(_setting(versions) for versions, _ in as_many_each):
+        here = [(versions, found) for versions, found in as_many_each if _setting(versions) == setting]
+        grown = [pair for _, found in here for pair in found]
         rows = [
-            (pair.one.what, _short(pair.one), f"{_short(pair.several)} on {pair.count}", _ratio(pair)) for pair in found
+            (pair.one.what, _short(pair.one), f"{_short(pair.several)} on {pair.count}", _ratio(pair)) for pair in grown
         ]
         columns = ("what", "one device", "several devices", "ratio (range)")
-        parts += [
-            "The same with as many seeds on each device, so that the work grows with the devices:",
-            table(columns, rows),
-            origin([versions for versions, _ in as_many_each]),
-            _what_limits(found),
-        ]
+        parts += [table(columns, rows), origin([versions for versions, _ in here]), _what_limits(grown)]
     return "\n\n".join(part for part in parts if part) or NOTHING
 
 
@@ -155,7 +156,12 @@ def _ratio(pair: Pair) -> str:
 
 
 def _what_limits(found: Sequence[Pair]) -> str:
-    """What one device gains by more seeds, which is what several lack that share out the same ones; '' if unknown."""
+    """What one device gains by more seeds, which several lack that share out the same ones.
+
+    '' if that is not known, or if seeds do slow each other down across devices.
+    """
+    if any(pair.ratio < FULL * pair.count for pair in found):
+        return ""
     rates = {(pair.one.what, pair.one.size): pair.one.rate for pair in found}
     said = []
     for pair in found:
@@ -168,8 +174,9 @@ def _what_limits(found: Sequence[Pair]) -> str:
     if not said:
         return ""
     return paragraph(
-        f"So seeds do not slow each other down across devices. On one device {'; '.join(said)}: fewer seeds leave it "
-        "less busy, and that is what the same seeds lose on several."
+        f"So these seeds do not slow each other down across devices. On one device {'; '.join(said)}: fewer seeds "
+        "leave it less busy, and that is what the same seeds lose on several. Of one seed that is shared out this says "
+        "nothing."
     )
 
 

@@ -333,7 +333,7 @@ WORLDS = {
 
 def largest(results: Path) -> list[tuple[str, str, str]]:
     """The row of the README for environments: steps/s on one device by the newest file that has every world, at the
-    last size of batch that it timed all of them with, which is the largest."""
+    largest size of batch that it timed all of them with."""
     shown: list[tuple[str, str, str]] = []
     for where, rows in in_time(results):
         if len(where["devices"]) > 1 or where.get("git_modified"):
@@ -341,8 +341,9 @@ def largest(results: Path) -> list[tuple[str, str, str]]:
         rates = {(row.size, row.what): row.rate for row in rows if row.part == "environments"}
         sizes = [size for size in dict.fromkeys(size for size, _ in rates) if all((size, of) in rates for of in WORLDS)]
         if sizes:
-            speeds = " / ".join(measured.three_digits(rates[sizes[-1], of]) for of in WORLDS)
-            count = sizes[-1].removesuffix(" at once")
+            size = max(sizes, key=lambda size: int(size.split()[0].replace(",", "")))
+            speeds = " / ".join(measured.three_digits(rates[size, of]) for of in WORLDS)
+            count = size.removesuffix(" at once")
             title = f"Random play, {count} environments: {' / '.join(WORLDS.values())}"
             shown = [(title, where["devices"][0].replace("NVIDIA ", ""), f"{speeds} steps/s")]
     return shown

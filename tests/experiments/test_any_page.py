@@ -126,6 +126,8 @@ def test_two_pretrainings_of_one_code_are_compared():
         gap = np.subtract(*(np.mean(list(anycodes._of_each_seed(runs[name]).values())) for name in (more, fewer)))
         assert f"{gap:.3f}" in line and "paired" not in line
         assert "more frames" not in anycodes.read_alone({more: runs[more]})
+        alone = anycodes.read_alone({more: runs[more], fewer: runs[fewer]})
+        assert "more frames" in alone and "made twice" not in alone
 
 
 def test_only_policies_that_read_the_same_state_are_compared(tmp_path):
@@ -205,10 +207,10 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     monkeypatch.setattr(anycodes, "figures", figures)
     monkeypatch.setattr(anycodes, "own_family", lambda run: dict.fromkeys(run.seeds, 0.25) if families else {})
     families = True
-    runs: Any = {name: SimpleNamespace(name=name, seeds=(1, 2, 3, 4)) for name in success}
+    runs: Any = {name: SimpleNamespace(name=name, seeds=(1, 2, 3, 4), end=lambda what: {1: 0.5}) for name in success}
     said = anycodes.text_alone(runs)
     assert "transformer 1.00, 1.00." in said.replace("\n", " ")
-    assert f"and on z1 to z6: transformer 0.25, {alone.mean() / 2:.2f}." in said
+    assert f"and on z1 to z6: transformer 0.50, 0.25, {alone.mean() / 2:.2f}." in said
     families = False
     assert "family" not in anycodes.text_alone(runs)
     first = next(line for line in said.splitlines() if "beside the robot |" in line)

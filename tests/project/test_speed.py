@@ -163,11 +163,23 @@ def test_work_that_grows_with_the_devices_is_compared_too(tmp_path):
     shown = scaling.scaling(tmp_path)
     assert "| a | 24 seeds: 2,000,000 frames/s | 48 seeds: 4,000,000 frames/s on 2 | 2.00 (1.96, 2.04) |" in shown
     assert "| b | 1 seed: 1,000,000 frames/s | 2 seeds: 1,000,000 frames/s on 2 | 1.00 (0.98, 1.02) |" in shown
-    assert "25 seeds" not in shown and "aim" not in shown and "So seeds" not in shown
+    assert "25 seeds" not in shown and "aim" not in shown and "So these seeds" not in shown
     store(tmp_path, "two_more", TWO, [("a", "24 seeds", 1.9e6, 2)])
     shown = scaling.scaling(tmp_path)
     assert "| a | 24 seeds | 2,000,000 frames/s | 1,900,000 frames/s | 0.95 (0.93, 0.97) | 1.9 | not met |" in shown
-    assert "a makes 2.00 times the frames/s with 24 seeds as with 12" in shown.replace("\n", " ")
+    assert "So these seeds" not in shown  # b's two seeds take as long as one after the other
+    for name, kept in (
+        ("two", [("a", "48 seeds", 4e6, 2)]),
+        ("one", [("a", "24 seeds", 2e6, 1), ("a", "12 seeds", 1e6, 1)]),
+    ):
+        store(tmp_path, name, TWO if name == "two" else ONE, kept)
+    shown = scaling.scaling(tmp_path).replace("\n", " ")
+    assert "a makes 2.00 times the frames/s with 24 seeds as with 12" in shown
+    later = {"git_revision": "e" * 40}
+    store(tmp_path, "two_later", TWO, [("a", "48 seeds", 9e6, 2)], **later)
+    store(tmp_path, "one_later", ONE, [("a", "24 seeds", 4.6e6, 1)], **later)
+    shown = scaling.scaling(tmp_path)
+    assert "4,600,000 frames/s | 48 seeds: 9,000,000 frames/s on 2 | 1.96" in shown and "4.60 times" not in shown
 
 
 @pytest.mark.parametrize(

@@ -133,13 +133,17 @@ def read_alone(runs: Mapping[str, Stored]) -> str:
     known = {name: _of_each_seed(run) for name, run in runs.items() if name.startswith(PRETRAINED)}
     taught = differences(runs, TAUGHT_MORE, known, "success, mean of z1 to z6, read alone")
     if taught:
-        more, fewer = (len(runs[name].seeds) for name in TAUGHT_MORE[0])
+        there = [pair for pair in TAUGHT_MORE if {*pair} <= runs.keys()]
+        more, fewer = (len(runs[name].seeds) for name in there[0])
+        twice = (
+            "It was made twice by the same settings and seeds, which a GPU does not repeat exactly; the agent above "
+            "reads codes of the second, transformer-more-again. "
+        )
         taught += (
             "\n\nThe first of each pair had more frames, so more formulas, a learning rate that begins at half and "
             "falls to 0, and other seeds; it was set up after results of the second on these very formulas had been "
             "seen. What of it helps is not taken apart, and what it changes for the harder ones is in the table above. "
-            "It was made twice by the same settings and seeds, which a GPU does not repeat exactly; the agent above "
-            "reads codes of the second, transformer-more-again. So few seeds cannot give a p under "
+            f"{twice if len(there) > 1 else ''}So few seeds cannot give a p under "
             f"{2 / comb(more + fewer, more):.3g}, before it is corrected."
         )
     return "\n\n".join(part for part in (said, table(heading, rows), taught) if part) if rows else ""
@@ -167,7 +171,8 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         said.append(f"{name} {_correlation(alone, beside)}, {without}")
         own = own_family(runs[agent])
         if own:
-            families.append(f"{name} {np.mean(list(own.values())):.2f}, {beside.mean():.2f}")
+            trained = np.mean(list(runs[agent].end("success_rate").values()))
+            families.append(f"{name} {trained:.2f}, {np.mean(list(own.values())):.2f}, {beside.mean():.2f}")
     if not rows:
         return ""
     explained = (
@@ -179,13 +184,18 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
     )
     if families:
         explained += (
-            " Success on formulas of the family that they were trained on, which they had not met, and on z1 to z6: "
-            f"{'; '.join(families)}. Where both are as low, it is not for z1 to z6 being unlike the training that an "
-            "agent stays behind: it does not do everything that it was trained on either."
+            " Success in training, on formulas of the same family that they had not met, and on z1 to z6: "
+            f"{'; '.join(families)}. An agent that comes to as little in training as on z1 to z6 does not stay behind "
+            "because these are unlike its training."
         )
     shown = [(*of, *cells) for of, cells in rows.items()]
     tested_on = {name: _of_each_seed(run) for name, run in runs.items() if name in BESIDE[0]}
     taught = differences(runs, BESIDE, tested_on, "success, mean of z1 to z6, beside the robot")
+    if taught:
+        taught += (
+            "\n\nThe first has codes of the longer pre-training, at another learning rate, and other seeds; it was set "
+            "up after results on these very formulas had been seen."
+        )
     parts = (explained, table(("code", "where", *suites.ZONE_Z), shown), verdicts(merged, bars), taught)
     return "\n\n".join(part for part in parts if part)
 
@@ -196,7 +206,9 @@ def _by_seed(values: np.ndarray) -> tuple[str, ...]:
 
 
 def _correlation(one: np.ndarray, other: np.ndarray) -> str:
-    return f"{np.corrcoef(one.ravel(), other.ravel())[0, 1]:.2f}" if np.ptp(one) and np.ptp(other) else "-"
+    """A dash where either hardly differs: what is left is the chance of 500 episodes."""
+    known = min(np.ptp(one), np.ptp(other)) > 0.02
+    return f"{np.corrcoef(one.ravel(), other.ravel())[0, 1]:.2f}" if known else "-"
 
 
 def _rows_met(shares: Mapping[str, Mapping[str, str]], tasks: Sequence[str]) -> str:

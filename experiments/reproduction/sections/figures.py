@@ -158,10 +158,16 @@ def published_pieces(runs: Mapping[str, Stored]) -> str:
     )
     return _joined(
         ablation(pairs, "discounted_return")(runs),
+        WIDE_INTERVALS if len(runs) > 1 else "",
         noise_of_pieces(runs),
         curves_by_frames(few, labels, published_widths.FRAMES, curve) if few else "",
         more if left_out else "",
     )
+
+
+WIDE_INTERVALS = """A difference that is not decided is not shown to be none: the intervals are about .3 wide to either
+side, since a seed finds the task or does not. So which choice keeps the program from its curve is open. The mean over
+training of 512-environments, and its difference, count successes between two common time-outs too much."""
 
 
 def _environments(run: Stored) -> int:
@@ -178,26 +184,30 @@ def noise_of_pieces(runs: Mapping[str, Stored]) -> str:
         last = run.metrics["entropy"][:, -last_ones(run.metrics["entropy"].shape[1]) :].mean(axis=1)
         ever = (run.metrics["entropy"] > most).any(axis=1)
         solved = [rate > 0.95 for rate in run.by_seed("success_rate").values()]
-        others = [float(entropy) for entropy, done in zip(last, solved, strict=True) if not done]
-        spread = f"{min(others):.2f} to {max(others):.2f}" if others else "-"
+        spreads = []
+        for kind in (True, False):
+            some = [float(entropy) for entropy, done in zip(last, solved, strict=True) if done is kind]
+            spreads.append(f"{min(some):.2f} to {max(some):.2f}" if some else "-")
         count = len(run.seeds)
-        rows.append((name, f"{sum(solved)}/{count}", f"{ever.sum()}/{count}", f"{(last > most).sum()}/{count}", spread))
+        rows.append(
+            (name, f"{sum(solved)}/{count}", f"{ever.sum()}/{count}", f"{(last > most).sum()}/{count}", *spreads)
+        )
         if not ever.any():
             never.append(f"{name.removeprefix(f'{BASE}-')} solves {sum(solved)} of {count}")
     if not rows:
         return ""
     heading = (
         *("run", "solved", "seeds whose noise was ever at its limit", "at the end"),
-        "entropy a dimension at the end, of seeds not solved",
+        *("entropy a dimension at the end, solved seeds", "others"),
     )
     said = (
-        f"The limit of the noise is an entropy of {MOST_ENTROPY:.3f}, within {NEAR}, as above. It is no sign of a seed "
-        "that fails: those that succeed come to it too."
+        f"The limit of the noise is an entropy of {MOST_ENTROPY:.3f}, within {NEAR}, as above. Which comes first, "
+        "noise that grows or a task that is not found, these figures do not tell."
     )
     if never:
         said += (
-            f" Nor does it help to stay below: {'; '.join(never)}, and no seed's noise is ever there. So the noise "
-            "that grows is not by itself what keeps this program from the task."
+            f" Below the limit in every seed: {'; '.join(never)}. So a program may keep its noise from the limit and "
+            "still miss the task; in seeds that miss it the noise may grow nearly as far."
         )
     return f"{table(heading, rows)}\n\n{said}"
 
@@ -225,8 +235,9 @@ def found_or_not(run: Stored) -> str:
     heading = ("success in training", "seeds", "return at the end", "best success in training")
     said = (
         "Seeds are split by how they came out, so that neither line compares with the published mean; some find the "
-        "task late, and others might with more frames. Which of its choices that is due to is asked in the next "
-        "section; [methods](methods.md) lists what of the published code is left out."
+        "task late, and others might with more frames. Why they find it so late or not at all is open: the "
+        "next section changes one choice at a time, of T1TL without pre-training. [Methods](methods.md) lists what of "
+        "the published code is left out."
     )
     return _joined(table(heading, rows), said, noise(run))
 
@@ -264,7 +275,8 @@ def noise(run: Stored) -> str:
     said = (
         f"The policy's standard deviation is at most {MOST_STD:.3f} (entropy {MOST_ENTROPY:.3f} a dimension; within "
         f"{NEAR} of that is called its limit). Counted are episodes before a seed has found the task. In the seeds "
-        f"that never do, {lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit."
+        f"that never do, {lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit. What "
+        "drives the noise there is open."
     )
     return f"{table(heading, rows)}\n\n{said}"
 
