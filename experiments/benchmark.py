@@ -60,7 +60,7 @@ class Arguments:
     repeats: int = 5
     """Timed calls; their median is reported."""
     json: Path | None = None
-    """Also write the results to this file."""
+    """Also write the results to this file; until all are there, to one beside it whose name ends in .part."""
     against: Path | None = None
     """A file of an earlier benchmark to compare with."""
 
@@ -100,8 +100,8 @@ def _main(texts: Sequence[str]) -> int:
         for one in MEASURE[part](arguments, trainings):
             new.append(one)
             print(f"{one.what}, {one.size}: {measured.three_digits(one.rate)} {one.unit}", file=sys.stderr, flush=True)
-            if arguments.json is not None:  # after each row, so that what is stopped or fails keeps what it has
-                measured.write(arguments.json, where, settings, [*rows, *new])
+            if arguments.json is not None:
+                measured.write(json_file.unfinished(arguments.json), where, settings, [*rows, *new])
         print(measured.table(new))
         rows += new
     if earlier is not None:
@@ -111,6 +111,8 @@ def _main(texts: Sequence[str]) -> int:
         print(measured.against(rows, before))
     print(f"\n## What others say of themselves, on other hardware\n\n{measured.peers()}")
     if arguments.json is not None:
+        measured.write(arguments.json, where, settings, rows)
+        json_file.unfinished(arguments.json).unlink(missing_ok=True)
         print(f"\nwritten: {arguments.json}")
     return 0
 

@@ -122,3 +122,14 @@ def reading(star: dict[str, dict[str, int]], agreement: float, black: float, see
         for stage, counts in star.items()
     }
     return {"over_seeds": over, "out_projection_change": {"by_layer": [[0.1, 0.3]] * seeds}}
+
+
+def played(success: Any, length: Any) -> dict[str, Any]:
+    """What an evaluation found, for `write`."""
+    return {"success_rate": success, "success_length": length, "violation_rate": 0.0, "discounted_return": 0.5}
+
+
+def rows(text: str) -> dict[str, list[str]]:
+    """The cells of every row of every table, by its first one; of two alike the later one."""
+    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    return {line[0]: line[1:] for line in lines}

@@ -1,4 +1,8 @@
-"""The file that ``--json`` names: looked at before anything is measured, and written at the end."""
+"""The file that ``--json`` names: looked at before anything is measured, and written at the end.
+
+Until then what is measured so far may stand in a file beside it, so that what is stopped neither loses it nor leaves a
+whole file of an earlier time in pieces.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -14,6 +18,11 @@ def check(file: Path | None) -> None:
     """
     if file is not None and not file.absolute().parent.is_dir():
         raise UserError(f"--json {file}: there is no folder {file.parent}; make it first")
+
+
+def unfinished(file: Path) -> Path:
+    """The file beside it for what is measured so far."""
+    return file.with_name(f"{file.name}.part")
 
 
 def write(file: Path, content: Any) -> None:

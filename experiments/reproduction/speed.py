@@ -339,7 +339,7 @@ def largest(results: Path) -> list[tuple[str, str, str]]:
         if len(where["devices"]) > 1 or where.get("git_modified"):
             continue
         rates = {(row.size, row.what): row.rate for row in rows if row.part == "environments"}
-        sizes = [size for size in dict.fromkeys(size for size, _ in rates) if all((size, of) in rates for of in WORLDS)]
+        sizes = [size for size in {size for size, _ in rates} if all((size, of) in rates for of in WORLDS)]
         if sizes:
             size = max(sizes, key=lambda size: int(size.split()[0].replace(",", "")))
             speeds = " / ".join(measured.three_digits(rates[size, of]) for of in WORLDS)

@@ -1,5 +1,21 @@
-"""The fixtures of `tests/fake_runs.py`."""
+"""The fixtures of `tests/fake_runs.py`, and runs of the plan that nobody trained."""
 
+import pytest
+
+from experiments.reproduction.runs import all_runs
 from tests.fake_runs import evaluate_run, finished, finished_run, read_json, resume, train
+from tests.made_up_runs import write
 
-__all__ = ["evaluate_run", "finished", "finished_run", "read_json", "resume", "train"]
+__all__ = ["configs", "evaluate_run", "finished", "finished_run", "make", "read_json", "resume", "train"]
+
+
+@pytest.fixture(scope="session")
+def configs():
+    """The configuration of each planned run, by name."""
+    return {name: run.config for name, run in all_runs().items()}
+
+
+@pytest.fixture
+def make(configs, tmp_path):
+    """Writes the run of a name, as it would be configured."""
+    return lambda name, **written: write(tmp_path / name, configs[name], **written)

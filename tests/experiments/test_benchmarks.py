@@ -97,6 +97,23 @@ def test_mistakes_are_answered_before_anything_is_timed(flags, said, capsys):
     assert printed.err.startswith("error: ") and said in printed.err and "##" not in printed.out
 
 
+def test_what_is_stopped_leaves_the_earlier_file_and_what_it_has(tmp_path, monkeypatch):
+    file, part = tmp_path / "a.json", tmp_path / "a.json.part"
+    flags = ["--parts", "progression", "--trainings", "fake", "--json", str(file)]
+
+    def stopped(arguments, trainings):
+        yield from measured_rows(2.0)[:1]
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(benchmark.MEASURE, "progression", lambda arguments, trainings: iter(measured_rows(1.0)))
+    assert benchmark.main(flags) == 0 and not part.exists()
+    earlier = file.read_text()
+    monkeypatch.setitem(benchmark.MEASURE, "progression", stopped)
+    assert benchmark.main(flags) == 130
+    assert file.read_text() == earlier and len(measured.read(file)[1]) == len(measured_rows(1.0))
+    assert measured.read(part)[1] == measured_rows(2.0)[:1]
+
+
 @pytest.mark.slow
 def test_every_part_is_timed(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(env, "PHYSICS", {"letterworld": ("grid",)})
