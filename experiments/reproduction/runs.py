@@ -137,7 +137,8 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
 
 
 def published_pieces() -> dict[str, Run]:
-    """The published program for T1TL without pre-training, and with one choice of its code as it is by default here.
+    """The published program for T1TL without pre-training, and with one choice of its code as it is by default here,
+    or with two of them.
 
     The motion is in closed form, since MJX takes long to step so few environments so often.
     """
@@ -160,6 +161,11 @@ def published_pieces() -> dict[str, Run]:
         "-squashed-observations": of_network("observation"),
         "-critic-from-zero": of_network("value_scale"),
         "-corrected-reader": of_network("task_encoder"),
+    }
+    no_end = learners["-timeouts-no-end"]
+    learners |= {
+        "-timeouts-correlated": _changed(no_end, noise_time=default.noise_time),
+        "-timeouts-normalised": _changed(no_end, normalise_advantage=True),
     }
     return {f"zone-published-t1tl{name}": Run(replace(base, learner=learner)) for name, learner in learners.items()}
 

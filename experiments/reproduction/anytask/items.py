@@ -16,14 +16,14 @@ _CODES = tuple(
     for name in (
         *("", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
         *("-roles-merged", "-names", "-nothing", "-transformer-fresh"),
-        *("-transformer-long", "-gru-long", "-transformer-more"),
+        *("-transformer-long", "-gru-long", "-transformer-more", "-transformer-wide", "-gru-wide"),
     )
 )
 _PRETRAINED = tuple(
     f"any-pretraining-{name}"
     for name in (
         *("automaton", "transformer", "rgcn", "gru"),
-        *("transformer-more", "transformer-more-again", "gru-again"),
+        *("transformer-more", "transformer-more-again", "transformer-more-third", "gru-again", "gru-third"),
     )
 )
 _MEMORIES = tuple(f"any-memory-{name}" for name in MEMORIES)

@@ -5,7 +5,7 @@ from typing import Any
 
 from envs import zones
 from envs.zones import ZoneConfig, ZoneEnv
-from experiments import configs, controls
+from experiments import controls
 from experiments.reproduction.anytask import suites
 from experiments.reproduction.plan import Run
 from t2tl_jax.ltl import Chains, Conjunction, Disjunction, Mixture, Named
@@ -31,7 +31,7 @@ SECOND_SEED = 40
 """Of agents whose settings were chosen, on seeds from 100 on, after those with seeds from 24 on had been seen."""
 
 THIRD_SEED = 60
-"""Of the agent in WaterWorld, whose settings were chosen once more after the seeds from 40 on had been seen."""
+"""Of agents whose settings were chosen once more, after those with seeds from 40 on had been seen."""
 
 HEADLINE_SEEDS, ENCODER_SEEDS, MEMORY_SEEDS = "10", "4", "12"
 
@@ -40,7 +40,13 @@ ENCODER_FRAMES, FRESH_FRAMES, PRETRAINING_FRAMES, MEMORY_FRAMES = 20_000_000, 8_
 LONG_FRAMES, MORE_PRETRAINING = 100_000_000, 20_000_000
 """Of further agents that read text, to see whether more frames are what they lack, or codes that read better."""
 
+WIDE_FRAMES = 150_000_000
+"""Of agents that read text with wider layers."""
+
 TEXTS = ("transformer", "gru")
+
+THIRD = {"transformer": "transformer-more-third", "gru": "gru-third"}
+"""The pre-trainings of agents with wider layers, which have the third seeds."""
 
 DQN_FRAMES = 4_000_000
 
@@ -65,6 +71,19 @@ WIDE = Mixture(
     )
 )
 """What encoders are pre-trained on in the world of a single state: wider than what the agents are trained on."""
+
+HARD = Mixture(
+    (
+        Chains(depth=(1, 3), avoid=(0, 3)),
+        Conjunction(Chains(depth=(1, 2), avoid=(0, 3)), (2, 2)),
+        Chains(depth=(1, 3), reach=(1, 1), avoid=(2, 3)),
+    ),
+    (0.35, 0.35, 0.3),
+)
+"""What the agent of the open ZoneEnv is trained on: chains, pairs of shorter ones, and chains with much to avoid."""
+
+WIDER: dict[str, Any] = {"actor_layers": (128, 128, 64), "critic_layers": (128, 64)}
+"""Layers of actor and critic behind wider ones of the observation."""
 
 LEARNED: dict[str, TaskEncoderConfig] = {
     "transformer": TransformerConfig(output=32),
@@ -96,7 +115,8 @@ def _headline() -> dict[str, Run]:
     zone = _without(zone, ZONE_TESTS)
     zone = _with(zone, learner={"anneal_learning_rate": True}, network={"task_encoder": _room_for(10)})
     walls = replace(_without(zone, suites.WALLS.tasks), env=ZoneConfig(layout="random"), frames=20_000_000)
-    zone = replace(zone, task=configs.any_tasks(Chains(depth=(1, 3), avoid=(0, 3))), frames=60_000_000)
+    zone = replace(zone, task=HARD, frames=LONG_FRAMES)
+    zone = _with(zone, learner={"learning_rate": 1e-3}, network={"env_layers": (512, 256), **WIDER})
     letters = _without(named_config("letters_any"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
     water = _without(named_config("water_any"), suites.WATER.tasks)
     flat = named_config("flat_any")
@@ -114,7 +134,7 @@ def _headline() -> dict[str, Run]:
         "any-letters": (letters, {"suites": (suites.LETTERS, suites.LETTERS_LONG, suites.LETTER_MAPS)}),
         "any-flat": (flat, {"suites": (suites.FLAT,)}),
     }
-    again = {"any-zones": SECOND_SEED, "any-flat": SECOND_SEED, "any-water": THIRD_SEED}
+    again = {"any-zones": THIRD_SEED, "any-flat": SECOND_SEED, "any-water": THIRD_SEED}
     runs = {
         name: _run(config, HEADLINE_SEEDS, early=True, first_seed=again.get(name, FIRST_SEED), **more)
         for name, (config, more) in tested.items()
@@ -153,6 +173,16 @@ def _encoders() -> dict[str, Run]:
             again = f"{before}-again" if name == "gru" else before
             new[again] = new[before]
             new[f"any-zones-{name}-long"] = _run(longer, ENCODER_SEEDS, before=again, suites=(suites.ZONES, *more))
+            third = f"any-pretraining-{THIRD[name]}"
+            taught = pretraining.config if name == "gru" else _taught_more(pretraining.config)
+            new[third] = replace(new[before], config=taught, first_seed=THIRD_SEED)
+            wide = _with(
+                longer, {"learning_rate": 1e-3, "anneal_learning_rate": True}, {"env_layers": (512, 512)} | WIDER
+            )
+            wide = replace(wide, frames=WIDE_FRAMES)
+            new[f"any-zones-{name}-wide"] = _run(
+                wide, ENCODER_SEEDS, THIRD_SEED, before=third, suites=(suites.ZONES, *more)
+            )
         if name == "transformer":
             taught = Run(_taught_more(pretraining.config), seeds=ENCODER_SEEDS, first_seed=SECOND_SEED, evaluated=False)
             taught = replace(taught, suites=(suites.READ_ALONE,))

@@ -29,8 +29,10 @@ READERS = {
     "any-zones-transformer": "any-pretraining-transformer",
     "any-zones-transformer-long": "any-pretraining-transformer",
     "any-zones-transformer-more": "any-pretraining-transformer-more-again",
+    "any-zones-transformer-wide": "any-pretraining-transformer-more-third",
     "any-zones-gru": "any-pretraining-gru",
     "any-zones-gru-long": "any-pretraining-gru-again",
+    "any-zones-gru-wide": "any-pretraining-gru-third",
 }
 """Agents that know of the task by its text alone, and the runs that trained their codes, seed by seed."""
 
