@@ -174,8 +174,8 @@ def _encoders() -> dict[str, Run]:
             new[again] = new[before]
             new[f"any-zones-{name}-long"] = _run(longer, ENCODER_SEEDS, before=again, suites=(suites.ZONES, *more))
             third = f"any-pretraining-{THIRD[name]}"
-            taught = pretraining.config if name == "gru" else _taught_more(pretraining.config)
-            new[third] = replace(new[before], config=taught, first_seed=THIRD_SEED)
+            lessons = pretraining.config if name == "gru" else _taught_more(pretraining.config)
+            new[third] = replace(new[before], config=lessons, first_seed=THIRD_SEED)
             wide = _with(
                 longer, {"learning_rate": 1e-3, "anneal_learning_rate": True}, {"env_layers": (512, 512)} | WIDER
             )
