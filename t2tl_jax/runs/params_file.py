@@ -2,6 +2,7 @@
 
 The file is NumPy's compressed `.npz`, read without pickle: arrays by name, such as ``final/params/actor_0/kernel``. A
 small file can say that it holds arrays of any size, so names, shapes and dtypes are compared before an array is read.
+Where the best parameters are the final ones they are stored once, as the final ones.
 """
 
 import math
@@ -21,6 +22,9 @@ from t2tl_jax.training.types import Params
 
 SEEDS, ITERATION = "seeds", "iteration"
 """Names of the two arrays that are no parameters: int64[seeds], and int64[]."""
+
+FINAL, BEST = "final/", "best/"
+"""What the names of their arrays begin with."""
 
 MAX_ARRAYS = 10_000
 """Most arrays of a file."""
@@ -47,6 +51,9 @@ def write(path: Path, params: Mapping[Which, Params], seeds: Sequence[int], iter
         iteration: how many iterations led to the final ones.
     """
     arrays = {name: np.asarray(leaf) for name, leaf in _by_name(params).items()}
+    final = {name.replace(FINAL, BEST, 1): leaf for name, leaf in arrays.items() if name.startswith(FINAL)}
+    if all(np.array_equal(leaf, arrays[name], equal_nan=True) for name, leaf in final.items()):
+        arrays = {name: leaf for name, leaf in arrays.items() if name not in final}
     arrays |= {SEEDS: np.array(seeds, np.int64), ITERATION: np.array(iteration, np.int64)}
     with path.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
@@ -75,8 +82,11 @@ def read(path: Path, like: Params) -> tuple[int, dict[Which, Params]]:
     Raises:
         CheckpointError: if it cannot be read, or its arrays differ from ``like``.
     """
-    want = _by_name(dict.fromkeys(WHICH, like))
     with _opened(path) as (archive, there):
+        stored: dict[Which, Which] = {which: which for which in WHICH}
+        if not any(name.startswith(BEST) for name in there):
+            stored["best"] = "final"
+        want = _by_name(dict.fromkeys(stored.values(), like))
         wrong = [f"{name}: not expected" for name in there if name not in (*want, SEEDS, ITERATION)]
         for name, leaf in want.items():
             got = there.get(name)
@@ -90,8 +100,8 @@ def read(path: Path, like: Params) -> tuple[int, dict[Which, Params]]:
             raise CheckpointError(f"{path} belongs to another configuration or version:\n  " + "\n  ".join(wrong[:5]))
         tree = jax.tree.structure(like)
         return int(_array(archive, ITERATION)), {
-            which: jax.tree.unflatten(tree, [_array(archive, name) for name in _by_name({which: like})])
-            for which in WHICH
+            which: jax.tree.unflatten(tree, [_array(archive, name) for name in _by_name({name_of: like})])
+            for which, name_of in stored.items()
         }
 
 

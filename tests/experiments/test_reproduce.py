@@ -209,7 +209,7 @@ def test_no_run_is_on_seeds_that_settings_were_chosen_on(runs):
             assert in_zones == name.startswith(("zone-", "safe-", "prime-", "any-")), name
             assert not seeds & (searched if in_zones else set(tuning.TUNED["waterworld_dqn"].seeds)), name
             assert seeds <= set(range(run.first_seed, run.first_seed + 12)), name
-            again = name.endswith(("-more", "-more-again")) or name == "any-flat"
+            again = name.endswith(("-more", "-more-again")) or name in ("any-zones-narrow", "any-flat")
             third = name in ("any-zones", "any-water") or name.endswith(("-third", "-wide"))
             first = 60 if third else 40 if again else 24 if in_zones else 0
             assert run.first_seed == first, name

@@ -157,3 +157,17 @@ def test_what_a_file_says_of_itself_is_checked(small, members, said, monkeypatch
             archive.writestr(name, content)
     with pytest.raises(params_file.CheckpointError, match=said):
         params_file.read(file, like)
+
+
+def test_best_parameters_that_are_the_final_ones_are_stored_once(small, tmp_path):
+    file, like = small
+    with np.load(file) as content:
+        assert set(content) == {"final/kernel", "seeds", "iteration"}
+    iteration, found = params_file.read(file, like)
+    assert iteration == 5 and set(found) == {"final", "best"}
+    np.testing.assert_array_equal(found["best"]["kernel"], like["kernel"])
+    other = {"kernel": like["kernel"] + 1}
+    params_file.write(tmp_path / "two.npz", {"final": like, "best": other}, [3], 5)
+    with np.load(tmp_path / "two.npz") as content:
+        assert {"final/kernel", "best/kernel"} <= set(content)
+    np.testing.assert_array_equal(params_file.read(tmp_path / "two.npz", like)[1]["best"]["kernel"], other["kernel"])

@@ -14,7 +14,7 @@ GROUP = "any"
 _CODES = tuple(
     f"any-zones{name}"
     for name in (
-        *("", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
+        *("", "-narrow", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
         *("-roles-merged", "-names", "-nothing", "-transformer-fresh"),
         *("-transformer-long", "-gru-long", "-transformer-more", "-transformer-wide", "-gru-wide"),
     )

@@ -5,7 +5,7 @@ from typing import Any
 
 from envs import zones
 from envs.zones import ZoneConfig, ZoneEnv
-from experiments import controls
+from experiments import any_configs, controls
 from experiments.reproduction.anytask import suites
 from experiments.reproduction.plan import Run
 from t2tl_jax.ltl import Chains, Conjunction, Disjunction, Mixture, Named
@@ -72,16 +72,6 @@ WIDE = Mixture(
 )
 """What encoders are pre-trained on in the world of a single state: wider than what the agents are trained on."""
 
-HARD = Mixture(
-    (
-        Chains(depth=(1, 3), avoid=(0, 3)),
-        Conjunction(Chains(depth=(1, 2), avoid=(0, 3)), (2, 2)),
-        Chains(depth=(1, 3), reach=(1, 1), avoid=(2, 3)),
-    ),
-    (0.35, 0.35, 0.3),
-)
-"""What the agent of the open ZoneEnv is trained on: chains, pairs of shorter ones, and chains with much to avoid."""
-
 WIDER: dict[str, Any] = {"actor_layers": (128, 128, 64), "critic_layers": (128, 64)}
 """Layers of actor and critic behind wider ones of the observation."""
 
@@ -101,7 +91,7 @@ WITHOUT_PARAMETERS: dict[str, TaskEncoderConfig] = {
 
 MEMORIES = ("t1tl", "t2tl", "gru")
 
-ANY_AGENTS = ("any-zones", "any-letters", "any-flat", "any-water", "any-walls")
+ANY_AGENTS = ("any-zones", "any-zones-narrow", "any-letters", "any-flat", "any-water", "any-walls")
 """Agents that are kept, to be played by others."""
 
 
@@ -111,30 +101,33 @@ def any_runs() -> dict[str, Run]:
 
 
 def _headline() -> dict[str, Run]:
-    zone = named_config("zones_any")
-    zone = _without(zone, ZONE_TESTS)
-    zone = _with(zone, learner={"anneal_learning_rate": True}, network={"task_encoder": _room_for(10)})
-    walls = replace(_without(zone, suites.WALLS.tasks), env=ZoneConfig(layout="random"), frames=20_000_000)
-    zone = replace(zone, task=HARD, frames=LONG_FRAMES)
-    zone = _with(zone, learner={"learning_rate": 1e-3}, network={"env_layers": (512, 256), **WIDER})
+    zone = _without(named_config("zones_any"), ZONE_TESTS)
+    narrow = _with(_narrow(ZONE_TESTS), {"anneal_learning_rate": True}, {"task_encoder": _room_for(10)})
+    walls = _with(_narrow(suites.WALLS.tasks), {"anneal_learning_rate": True}, {"task_encoder": _room_for(10)})
+    walls = replace(walls, env=ZoneConfig(layout="random"), frames=20_000_000)
+    narrow = replace(narrow, task=any_configs.any_tasks(Chains(depth=(1, 3), avoid=(0, 3))), frames=60_000_000)
     letters = _without(named_config("letters_any"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
     water = _without(named_config("water_any"), suites.WATER.tasks)
     flat = named_config("flat_any")
+    everything = {
+        "suites": (suites.ZONES, suites.ZONE_MAPS, *suites.MORE_COLOURS),
+        "certified": (*suites.ZONE_Z, *suites.ZONE_HARD),
+        "drawn": ("z1", "long", "j10", "s8"),
+    }
     tested: dict[str, tuple[Config, dict[str, Any]]] = {
-        "any-zones": (
-            zone,
-            {
-                "suites": (suites.ZONES, suites.ZONE_MAPS, *suites.MORE_COLOURS),
-                "certified": (*suites.ZONE_Z, *suites.ZONE_HARD),
-                "drawn": ("z1", "long", "j10", "s8"),
-            },
-        ),
+        "any-zones": (zone, everything),
+        "any-zones-narrow": (narrow, everything),
         "any-water": (water, {"suites": (suites.WATER,)}),
         "any-walls": (walls, {"suites": (suites.UNTIL, suites.WALLS)}),
         "any-letters": (letters, {"suites": (suites.LETTERS, suites.LETTERS_LONG, suites.LETTER_MAPS)}),
         "any-flat": (flat, {"suites": (suites.FLAT,)}),
     }
-    again = {"any-zones": THIRD_SEED, "any-flat": SECOND_SEED, "any-water": THIRD_SEED}
+    again = {
+        "any-zones": THIRD_SEED,
+        "any-zones-narrow": SECOND_SEED,
+        "any-water": THIRD_SEED,
+        "any-flat": SECOND_SEED,
+    }
     runs = {
         name: _run(config, HEADLINE_SEEDS, early=True, first_seed=again.get(name, FIRST_SEED), **more)
         for name, (config, more) in tested.items()
@@ -147,7 +140,7 @@ def _headline() -> dict[str, Run]:
 def _encoders() -> dict[str, Run]:
     """The same task, world and budget with other codes. Codes that do not speak of each colour by itself are read
     beside the observation as it is, and so is the look-ahead once more."""
-    base = _without(named_config("zones_any"), ZONE_TESTS)
+    base = _narrow(ZONE_TESTS)
     base = replace(base, frames=ENCODER_FRAMES)
     flat = _with(base, network={"state": FlatConfig()})
     tested: dict[str, Any] = {"suites": (suites.ZONES,)}
@@ -207,7 +200,7 @@ def _taught_more(config: Config | None) -> Config:
 def _memory() -> dict[str, Run]:
     """Discs that are seen from near only: without memory, and with either reader of the last steps. Lidars are merged,
     also those that are remembered, by what their colours are to the task now."""
-    base = _without(named_config("zones_any"), suites.ZONE_Z)
+    base = _narrow(suites.ZONE_Z)
     env: Any = base.env
     base = replace(base, env=replace(env, lidar_range=MEMORY_RANGE), frames=MEMORY_FRAMES)
     contexts = {
@@ -228,6 +221,13 @@ def _run(config: Config, seeds: str, first_seed: int = FIRST_SEED, **more: Any) 
         run=replace(config.run, evaluation_episodes=suites.EPISODES),
     )
     return Run(config, seeds=seeds, first_seed=first_seed, **more)
+
+
+def _narrow(tests: tuple[str, ...]) -> Config:
+    """The settings that agents of the open ZoneEnv had before: narrower layers, a smaller step size that does not
+    fall, and fewer propositions to avoid."""
+    config = replace(named_config("zones_any"), learner=any_configs.SMALL)
+    return _without(replace(config, task=any_configs.any_tasks(Chains(depth=(1, 3)))), tests)
 
 
 def _without(config: Config, tasks: tuple[str, ...]) -> Config:

@@ -19,11 +19,24 @@ PRETRAINED = "any-pretraining-"
 LONGER = [(f"any-zones-{reader}-long", f"any-zones-{reader}") for reader in ("transformer", "gru")]
 """Agents that read the same text for different numbers of frames."""
 
-TAUGHT_MORE = [(f"any-pretraining-transformer-more{again}", "any-pretraining-transformer") for again in ("", "-again")]
+TAUGHT_MORE = [
+    (f"any-pretraining-transformer-more{again}", "any-pretraining-transformer") for again in ("", "-again", "-third")
+]
 """Pre-trainings of one code: on more formulas, at a learning rate that falls, and on fewer, at one that does not."""
+
+NARROW = "any-zones-narrow"
 
 BESIDE = [("any-zones-transformer-more", "any-zones-transformer-long")]
 """Agents that read codes of these pre-trainings, trained for as many frames."""
+
+WIDER = [
+    ("any-zones-transformer-wide", "any-zones-transformer-more"),
+    ("any-zones-gru-wide", "any-zones-gru-long"),
+]
+"""Agents with wider layers, a larger step size that falls to 0 and more frames, and those before them."""
+
+WELL_READ = 0.99
+"""A formula that a code reads alone with this success is read."""
 
 READERS = {
     "any-zones-transformer": "any-pretraining-transformer",
@@ -64,8 +77,13 @@ def levels(runs: Mapping[str, Stored]) -> str:
     said = (
         "Success of the sampled policy. Intervals of levels are over seeds and tasks, both as samples. Codes compare "
         "only where the state is the same, the budget, and what pre-training met, below; merged lidars are most of "
-        "what the first two gain."
+        "what the first of them gain."
     )
+    if NARROW in runs:
+        said += (
+            " narrow is the agent above as it was before: narrower layers, a smaller step size, less to avoid in its "
+            "tasks, fewer frames, other seeds; its parameters are stored, too."
+        )
     return "\n\n".join(
         part
         for part in (
@@ -138,8 +156,9 @@ def read_alone(runs: Mapping[str, Stored]) -> str:
         there = [pair for pair in TAUGHT_MORE if {*pair} <= runs.keys()]
         more, fewer = (len(runs[name].seeds) for name in there[0])
         twice = (
-            "It was made twice by the same settings and seeds, which a GPU does not repeat exactly; the agent above "
-            "reads codes of the second, transformer-more-again. "
+            "It was made twice by the same settings and seeds, which a GPU does not repeat exactly; transformer-more "
+            "beside the robot reads codes of the second, transformer-more-again, and transformer-wide those of "
+            "transformer-more-third, which has yet other seeds. "
         )
         taught += (
             "\n\nThe first of each pair had more frames, so more formulas, a learning rate that begins at half and "
@@ -155,7 +174,7 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
     """What agents come to that read text, by formula and seed, beside what their codes come to read alone."""
     rows: dict[tuple[str, str], tuple[str, ...]] = {}
     merged: dict[str, Any] = {}
-    bars, said, families = [], [], []
+    bars, said, families, acting = [], [], [], []
     for agent, reader in READERS.items():
         if not {agent, reader} <= runs.keys():
             continue
@@ -171,6 +190,9 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         others = np.arange(alone.size) != alone.argmin()
         without = _correlation(alone.ravel()[others], beside.ravel()[others])
         said.append(f"{name} {_correlation(alone, beside)}, {without}")
+        well = alone >= WELL_READ
+        if well.any():
+            acting.append(f"{name} {beside[well].mean():.2f} ({well.sum()} of {well.size})")
         own = own_family(runs[agent])
         if own:
             trained = np.mean(list(runs[agent].end("success_rate").values()))
@@ -184,6 +206,11 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         "(Pearson), over formulas and seeds, and without the one point that is read worst, on which it may rest: "
         f"{'; '.join(said)}."
     )
+    if acting:
+        explained += (
+            f" Mean success beside the robot of those formulas and seeds that are read alone in {WELL_READ} and more, "
+            f"and how many they are: {'; '.join(acting)}."
+        )
     if families:
         explained += (
             " Success in training, on formulas of the same family that they had not met, and on z1 to z6: "
@@ -191,12 +218,16 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
             "because these are unlike its training."
         )
     shown = [(*of, *cells) for of, cells in rows.items()]
-    tested_on = {name: _of_each_seed(run) for name, run in runs.items() if name in BESIDE[0]}
-    taught = differences(runs, BESIDE, tested_on, "success, mean of z1 to z6, beside the robot")
+    pairs = [*BESIDE, *WIDER]
+    tested_on = {name: _of_each_seed(run) for name, run in runs.items() if any(name in pair for pair in pairs)}
+    taught = differences(runs, pairs, tested_on, "success, mean of z1 to z6, beside the robot")
     if taught:
         taught += (
-            "\n\nThe first has codes of the longer pre-training, at another learning rate, and other seeds; it was set "
-            "up after results on these very formulas had been seen."
+            "\n\nThe first of each pair was set up after results on these very formulas had been seen, and has other "
+            "seeds. transformer-more has codes of the longer pre-training, at another learning rate. The wide ones "
+            "have wider layers, a larger step size that falls to 0, and half as many frames more; their settings were "
+            "the best of seven on other seeds, with codes of a GRU, by four formulas that are no tests. Their codes "
+            "were pre-trained anew by the settings of those that they stand beside."
         )
     parts = (explained, table(("code", "where", *suites.ZONE_Z), shown), verdicts(merged, bars), taught)
     return "\n\n".join(part for part in parts if part)

@@ -256,7 +256,7 @@ def in_short(runs: Mapping[str, Stored]) -> str:
         "*One agent of the open ZoneEnv; formulas and map are not of its training.",
         "It reads codes off the table and merges lidars by them;",
         f"beside plain lidars its codes come to {_of_code(runs, 'lookahead')}, a Transformer's to",
-        f"{_of_code(runs, 'transformer')}. Settings were chosen in sight of these formulas.",
+        f"{_of_code(runs, 'transformer')}. Settings were chosen after earlier agents had been seen on these formulas.",
         f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
         f"(DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')});",
         f"on {weakest}, the weakest of {len(rest)} others: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",

@@ -145,7 +145,8 @@ these only successes end, which a curve by frames cannot be read off."""
 
 
 def published_pieces(runs: Mapping[str, Stored]) -> str:
-    """The published program for T1TL beside its curve, and with one choice after another as it is by default here."""
+    """The published program for T1TL beside its curve, with one choice after another as it is by default here, and with
+    pairs of them."""
     if not runs:
         return ""
     pairs = [(name, BASE) for name in PUBLISHED_PIECES]
