@@ -1,12 +1,16 @@
 """A world with one state, in which the action says which proposition is true: what a task asks for, and nothing else.
 
 Task encoders are pre-trained here, since everything that can be learned is the meaning of the formulas.
+
+Where every proposition can be chosen, an agent need only know one that brings it on. A robot also has to know what to
+keep clear of, so some propositions may be offered at a time, others each step: what to take, and what to leave.
 """
 
 import dataclasses
 
 import jax
 import jax.numpy as jnp
+from flax import struct
 
 from t2tl_jax.env import Alphabet, EnvConfig, EnvParams, LabelledEnv, State
 from t2tl_jax.registry import register_env
@@ -27,40 +31,78 @@ class SingleStateConfig(EnvConfig):
 
     propositions: tuple[str, ...] = ZONE_COLOURS
     """Names of the propositions, which are also the actions; those of the environment that is trained in later."""
+    offered: int = 0
+    """How many of them can be chosen at a step, each set of so many as likely as any; one more action chooses none. 0
+    as published: all of them at every step, and one has to be chosen."""
 
     def __post_init__(self) -> None:
         if not self.propositions or len(set(self.propositions)) < len(self.propositions):
             raise ValueError(
                 f"propositions are one or more different names, got {', '.join(self.propositions) or 'none'}"
             )
+        if not 0 <= self.offered <= len(self.propositions):
+            raise ValueError(
+                f"of {len(self.propositions)} propositions 0 to {len(self.propositions)} can be offered, got "
+                f"offered={self.offered}"
+            )
+
+
+@struct.dataclass
+class Choice:
+    """Pipeline state of a `SingleState` world."""
+
+    chosen: jax.Array
+    """``int32[]``: the proposition that holds, -1 for none."""
+    offered: jax.Array
+    """``bool[P]``: which of them the next action can choose."""
+    random: jax.Array
+    """``uint32[2]``: what later offers are drawn from."""
 
 
 class SingleState(LabelledEnv):
-    """Action k makes the k-th proposition true for one step. Nothing is observed, and no base reward is paid."""
+    """Action k makes the k-th proposition true for one step, if it is offered. No base reward is paid.
+
+    What is offered is observed, as 0 and 1 for each proposition; where everything is, nothing is observed.
+    """
 
     alphabet: Alphabet = "at_most_one"
-    fixed_start = True
 
     def __init__(self, config: SingleStateConfig = SingleStateConfig()) -> None:
         self.config = config
 
+    @property
+    def fixed_start(self) -> bool:
+        """Whether there is nothing to draw."""
+        return not self.config.offered
+
     def reset(self, rng: jax.Array, params: EnvParams | None = None) -> State:
-        """The one state; no proposition is true before the first action."""
-        del rng, params
-        return State(jnp.int32(-1), jnp.zeros(0, jnp.float32), jnp.float32(0), jnp.float32(0))
+        """No proposition is true before the first action."""
+        del params
+        return self._offering(jnp.int32(-1), jax.random.bits(rng, (2,), jnp.uint32))
 
     def step(self, state: State, action: jax.Array, params: EnvParams | None = None) -> State:
-        """Make proposition `action` (an ``int32`` scalar, or that with the shape ``[1]``) true."""
+        """Make proposition `action` (an ``int32`` scalar, or that with the shape ``[1]``) true; none if it is not
+        offered."""
         del params
-        return state.replace(
-            pipeline_state=jnp.asarray(action).reshape(()).astype(jnp.int32),
-            reward=jnp.float32(0),
-            done=jnp.float32(0),
-        )
+        before: Choice = state.pipeline_state
+        action = jnp.asarray(action).reshape(()).astype(jnp.int32)
+        taken = (before.offered & (jnp.arange(len(before.offered)) == action)).any()
+        return self._offering(jnp.where(taken, action, -1), before.random)
+
+    def _offering(self, chosen: jax.Array, random: jax.Array) -> State:
+        """The state in which a proposition holds and others are offered."""
+        count, offered = len(self.propositions), self.config.offered
+        if offered:
+            now, later = jax.random.split(jax.random.wrap_key_data(random))
+            mask = jax.random.permutation(now, jnp.arange(count) < offered)
+            random, seen = jax.random.key_data(later), mask.astype(jnp.float32)
+        else:
+            mask, seen = jnp.ones(count, bool), jnp.zeros(0, jnp.float32)
+        return State(Choice(chosen, mask, random), seen, jnp.float32(0), jnp.float32(0))
 
     def labels(self, state: State) -> jax.Array:
         """Which propositions hold: ``bool[P]``, the chosen one."""
-        return jnp.arange(self.num_actions) == state.pipeline_state
+        return jnp.arange(len(self.propositions)) == state.pipeline_state.chosen
 
     @property
     def propositions(self) -> tuple[str, ...]:
@@ -69,8 +111,8 @@ class SingleState(LabelledEnv):
 
     @property
     def num_actions(self) -> int:
-        """As many as there are propositions."""
-        return len(self.config.propositions)
+        """As many as there are propositions, and one more where not all are offered, which chooses none."""
+        return len(self.config.propositions) + (self.config.offered > 0)
 
     @property
     def action_size(self) -> int:
@@ -79,8 +121,8 @@ class SingleState(LabelledEnv):
 
     @property
     def observation_size(self) -> int:
-        """Nothing is observed."""
-        return 0
+        """One number for each proposition, or none where all are offered."""
+        return len(self.config.propositions) if self.config.offered else 0
 
     @property
     def backend(self) -> str:

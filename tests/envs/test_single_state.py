@@ -52,3 +52,44 @@ def test_an_episode_has_at_most_75_steps():
     truncated = np.asarray(kept.truncated)[:, 0]
     np.testing.assert_array_equal(np.flatnonzero(truncated) + 1, [75, 150])
     np.testing.assert_array_equal(np.asarray(kept.totals.length).reshape(160)[truncated], 75)
+
+
+@pytest.fixture
+def offering():
+    """Four propositions, two of which are offered at a time."""
+    return SingleState(SingleStateConfig(("a", "b", "c", "d"), offered=2))
+
+
+def test_only_what_is_offered_can_be_chosen(offering):
+    state, step = offering.reset(jax.random.key(0)), jax.jit(offering.step)
+    assert (offering.num_actions, offering.observation_size) == (5, 4) and not offering.fixed_start
+    for action in [*range(5), *range(5)]:
+        offered = np.asarray(state.obs)
+        state = step(state, jnp.int32(action))
+        expected = (np.arange(4) == action) & (offered > 0)
+        np.testing.assert_array_equal(offering.labels(state), expected)
+        assert np.asarray(state.obs).sum() == 2 and set(np.asarray(state.obs)) <= {0.0, 1.0}
+
+
+def test_every_pair_is_offered_as_often(offering):
+    def offers(key):
+        def step(state, _):
+            return offering.step(state, jnp.int32(4)), state.obs
+
+        return jax.lax.scan(step, offering.reset(key), None, 100)[1]
+
+    seen = np.asarray(jax.jit(jax.vmap(offers))(jax.random.split(jax.random.key(1), 60))).reshape(-1, 4)
+    pairs, counts = np.unique(seen, axis=0, return_counts=True)
+    assert len(pairs) == 6 and (abs(counts / len(seen) - 1 / 6) < 0.02).all()  # 4 standard deviations
+
+
+def test_typed_and_legacy_keys_give_the_same_offers(offering):
+    typed, legacy = jax.random.key(3), jax.random.PRNGKey(3)
+    jax.tree.map(np.testing.assert_array_equal, offering.reset(typed), offering.reset(legacy))
+    assert SingleState().fixed_start
+
+
+@pytest.mark.parametrize("offered", [-1, 3])
+def test_no_more_than_there_is_can_be_offered(offered):
+    with pytest.raises(ValueError, match=f"0 to 2 can be offered, got offered={offered}"):
+        SingleStateConfig(("a", "b"), offered=offered)
