@@ -7,6 +7,7 @@ import jax
 from flax import linen as nn
 
 from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.gated import GatedConfig, GatedEncoder
 from t2tl_jax.networks.merged import MergedConfig, MergedEncoder
 from t2tl_jax.networks.objects import ObjectsConfig, ObjectsEncoder
 from t2tl_jax.networks.state_encoder import Squash, StateEncoderConfig
@@ -81,3 +82,4 @@ def check_context(context: ContextConfig | None, state: StateEncoderConfig, by_t
 register_state_encoder("flat", FlatConfig, lambda config, objects, reader, squash: Flat(squash))
 register_state_encoder("objects", ObjectsConfig, ObjectsEncoder)
 register_state_encoder("merged", MergedConfig, MergedEncoder)
+register_state_encoder("gated", GatedConfig, GatedEncoder)
