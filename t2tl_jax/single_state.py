@@ -78,7 +78,9 @@ class SingleState(LabelledEnv):
     def reset(self, rng: jax.Array, params: EnvParams | None = None) -> State:
         """No proposition is true before the first action."""
         del params
-        return self._offering(jnp.int32(-1), jax.random.bits(rng, (2,), jnp.uint32))
+        random = jax.random.bits(rng, (2,), jnp.uint32) if self.config.offered else jnp.zeros(2, jnp.uint32)
+        first = Choice(jnp.int32(-1), jnp.ones(len(self.propositions), bool), random)
+        return self._offer(State(first, jnp.zeros(0, jnp.float32), jnp.float32(0), jnp.float32(0)))
 
     def step(self, state: State, action: jax.Array, params: EnvParams | None = None) -> State:
         """Make proposition `action` (an ``int32`` scalar, or that with the shape ``[1]``) true; none if it is not
@@ -86,19 +88,19 @@ class SingleState(LabelledEnv):
         del params
         before: Choice = state.pipeline_state
         action = jnp.asarray(action).reshape(()).astype(jnp.int32)
-        taken = (before.offered & (jnp.arange(len(before.offered)) == action)).any()
-        return self._offering(jnp.where(taken, action, -1), before.random)
+        taken = (before.offered & (jnp.arange(len(self.propositions)) == action)).any()
+        after = dataclasses.replace(before, chosen=jnp.where(taken, action, -1))
+        return self._offer(state.replace(pipeline_state=after, reward=jnp.float32(0), done=jnp.float32(0)))
 
-    def _offering(self, chosen: jax.Array, random: jax.Array) -> State:
-        """The state in which a proposition holds and others are offered."""
-        count, offered = len(self.propositions), self.config.offered
-        if offered:
-            now, later = jax.random.split(jax.random.wrap_key_data(random))
-            mask = jax.random.permutation(now, jnp.arange(count) < offered)
-            random, seen = jax.random.key_data(later), mask.astype(jnp.float32)
-        else:
-            mask, seen = jnp.ones(count, bool), jnp.zeros(0, jnp.float32)
-        return State(Choice(chosen, mask, random), seen, jnp.float32(0), jnp.float32(0))
+    def _offer(self, state: State) -> State:
+        """The state with what the next action can choose; as it is where that is everything."""
+        if not self.config.offered:
+            return state
+        now, later = jax.random.split(jax.random.wrap_key_data(state.pipeline_state.random))
+        offered = jax.random.permutation(now, jnp.arange(len(self.propositions)) < self.config.offered)
+        choice: Choice = state.pipeline_state
+        choice = dataclasses.replace(choice, offered=offered, random=jax.random.key_data(later))
+        return state.replace(pipeline_state=choice, obs=offered.astype(jnp.float32))
 
     def labels(self, state: State) -> jax.Array:
         """Which propositions hold: ``bool[P]``, the chosen one."""

@@ -66,6 +66,7 @@ def test_every_task_of_a_fixed_start_is_an_episode(fixed, deterministic, asked, 
         WaterWorld(WaterWorldConfig(layout="random", pool_size=5)),
         WaterWorld(WaterWorldConfig(layout="random", pool_size=0)),
         SingleState(SingleStateConfig()),
+        SingleState(SingleStateConfig(offered=2)),
     ],
     ids=lambda env: f"{type(env).__name__}-{getattr(env.config, 'layout', '')}",
 )
