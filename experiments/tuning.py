@@ -31,7 +31,7 @@ TUNED = {
     "zone_ppo_random": _ZONE_LONG,
     "zone_ppo_safe": Tuning("t1tl", _SEEDS),
     "waterworld_dqn": Tuning("rm; codes: t1tl", _SEEDS),
-    "zones_any": Tuning("look-ahead", _SEEDS[:4]),  # the frames and the family of the run any-zones, which are its own
+    "zones_any": Tuning("look-ahead", _SEEDS[:4]),
     "flat_any": Tuning("look-ahead", _SEEDS[:4]),
     "water_any": Tuning("look-ahead", _SEEDS[:2]),
     "rm_water_ql": Tuning("ql", (5, 6, 7, 8)),  # there are maps 1 to 10 alone

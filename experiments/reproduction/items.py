@@ -132,7 +132,7 @@ PAPER_ITEMS: dict[str, Item] = {
     "representations": Item("Representations", (representations.NAME,), representations.section),
     "published": Item("The published program to its end", ("zone-published",), figures.published_program),
     "published-pieces": Item(
-        "The published program without pre-training (T1TL, closed form), one choice at a time and pairs",
+        "The published program without pre-training (T1TL, closed form), one choice at a time, and two pairs",
         ("zone-published-t1tl", *figures.PUBLISHED_PIECES),
         figures.published_pieces,
         smoke=("zone-published-t1tl", "zone-published-t1tl-correlated-noise"),

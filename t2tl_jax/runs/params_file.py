@@ -52,7 +52,7 @@ def write(path: Path, params: Mapping[Which, Params], seeds: Sequence[int], iter
     """
     arrays = {name: np.asarray(leaf) for name, leaf in _by_name(params).items()}
     final = {name.replace(FINAL, BEST, 1): leaf for name, leaf in arrays.items() if name.startswith(FINAL)}
-    if all(np.array_equal(leaf, arrays[name], equal_nan=True) for name, leaf in final.items()):
+    if "best" in params and all(np.array_equal(leaf, arrays[name], equal_nan=True) for name, leaf in final.items()):
         arrays = {name: leaf for name, leaf in arrays.items() if name not in final}
     arrays |= {SEEDS: np.array(seeds, np.int64), ITERATION: np.array(iteration, np.int64)}
     with path.open("wb") as file:

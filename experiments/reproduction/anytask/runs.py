@@ -224,8 +224,8 @@ def _run(config: Config, seeds: str, first_seed: int = FIRST_SEED, **more: Any) 
 
 
 def _narrow(tests: tuple[str, ...]) -> Config:
-    """The settings that agents of the open ZoneEnv had before: narrower layers, a smaller step size that does not
-    fall, and fewer propositions to avoid."""
+    """The settings that agents of the open ZoneEnv had before: narrower layers, a smaller constant step size, and
+    fewer propositions to avoid."""
     config = replace(named_config("zones_any"), learner=any_configs.SMALL)
     return _without(replace(config, task=any_configs.any_tasks(Chains(depth=(1, 3)))), tests)
 

@@ -139,6 +139,8 @@ def published_program(runs: Mapping[str, Stored]) -> str:
 
 BASE = "zone-published-t1tl"
 PUBLISHED_PIECES = tuple(name for name in named.published_pieces() if name != BASE)
+NO_END, OF_TWO = f"{BASE}-timeouts-no-end", (f"{BASE}-timeouts-correlated", f"{BASE}-timeouts-normalised")
+"""One choice, and two runs with another one beside it."""
 FEW_ENVIRONMENTS = 16
 """Of the published program. Where there are many more, all of them time out in the same few iterations, and between
 these only successes end, which a curve by frames cannot be read off."""
@@ -149,7 +151,7 @@ def published_pieces(runs: Mapping[str, Stored]) -> str:
     pairs of them."""
     if not runs:
         return ""
-    pairs = [(name, BASE) for name in PUBLISHED_PIECES]
+    pairs = [(name, BASE) for name in PUBLISHED_PIECES] + [(name, NO_END) for name in OF_TWO]
     labels = {name: name.removeprefix(f"{BASE}-") for name in PUBLISHED_PIECES} | {BASE: "t1tl as published"}
     curve = {BASE: (published_widths.FRAMES, published_widths.ZONE["T1TL 16"])}
     few = {name: run for name, run in runs.items() if _environments(run) <= FEW_ENVIRONMENTS}
@@ -161,11 +163,15 @@ def published_pieces(runs: Mapping[str, Stored]) -> str:
     return _joined(
         ablation(pairs, "discounted_return")(runs),
         WIDE_INTERVALS if len(runs) > 1 else "",
+        TWO_CHOICES if {NO_END, *OF_TWO} <= runs.keys() else "",
         noise_of_pieces(runs),
         curves_by_frames(few, labels, published_widths.FRAMES, curve) if few else "",
         more if left_out else "",
     )
 
+
+TWO_CHOICES = """timeouts-correlated and timeouts-normalised have correlated noise and normalised advantages beside
+time-outs that are no end. They were chosen after the results of the single choices on these seeds had been seen."""
 
 WIDE_INTERVALS = """A difference whose interval holds 0 is not shown to be none: a seed finds the task or does not, so
 that intervals are wide. Where all of them do, it is open which choice keeps the program from its curve."""
@@ -237,9 +243,9 @@ def found_or_not(run: Stored) -> str:
     heading = ("success in training", "seeds", "return at the end", "best success in training")
     said = (
         "Seeds are split by how they came out, so that neither line compares with the published mean; some find the "
-        "task late, and others might with more frames. Why they find it so late or not at all is open: the "
-        "next section changes one choice at a time, of T1TL without pre-training. [Methods](methods.md) lists what of "
-        "the published code is left out."
+        "task late, and others might with more frames. Why they find it so late or not at all is open: the next "
+        "section changes one choice at a time, and two pairs, of T1TL without pre-training. [Methods](methods.md) "
+        "lists what of the published code is left out."
     )
     return _joined(table(heading, rows), said, noise(run))
 
