@@ -2,9 +2,9 @@
 
 `parser` and `reward_machine` read text (the first into a `formula`), `compiler` makes an automaton of that, and `table`
 writes it as arrays, in which `lookup` finds letters and `ahead` the best of them. `tasks` and `families` name tasks,
-`family_trees` and `curriculum` hold random ones as data, `pool` makes tables of them, `turns` puts two of these into
-one, `padding` gives tables equal shapes, `split` says what a test shares with a training, and `describe` puts automata
-into words.
+`family_trees`, `grammar` and `curriculum` hold random ones as data, `pool` makes tables of them, `turns` puts two of
+these into one, `padding` gives tables equal shapes, `split` says what a test shares with a training, and `describe`
+puts automata into words.
 
 Everything up to the table is plain Python; JAX is imported only when `TaskTable` or a function that compiles one is
 first used.
@@ -37,6 +37,7 @@ from t2tl_jax.ltl.families import (
 )
 from t2tl_jax.ltl.family_trees import Chains, Conjunction, Disjunction, Listed, Mixture, Named
 from t2tl_jax.ltl.formula import FALSE, TRUE, Formula, eventually, from_tuple, next_, prop, until
+from t2tl_jax.ltl.grammar import Grammar
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.progression import progress
 from t2tl_jax.ltl.reward_machine import RewardMachine, Transition, parse_machine
@@ -78,6 +79,7 @@ __all__ = [
     "Curriculum",
     "Disjunction",
     "Formula",
+    "Grammar",
     "LTLError",
     "LTLSyntaxError",
     "Limits",

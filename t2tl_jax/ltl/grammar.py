@@ -1,0 +1,89 @@
+"""Random formulas of nearly every shape that a co-safe task can have: wider than chains and what is made of them.
+
+An encoder that reads text reads well what is written like the formulas it learned from. Chains are always written in
+one way; here the parts of formulas are put together by a small grammar:
+
+    task      ::= F goal | condition U goal | task & task | task | task
+    goal      ::= state | state & task | task | (state | goal)
+    condition ::= !state | state -> task
+    state     ::= p | p | q | ...
+"""
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+from t2tl_jax.ltl.errors import LTLError
+from t2tl_jax.ltl.families import TaskFamily, name_family
+from t2tl_jax.ltl.formula import Formula, eventually, prop, until
+from t2tl_jax.registry import register_task_family
+
+MAX_OPERATORS = 50
+"""Most eventuallys and untils of a formula."""
+
+GROWS = 0.35
+"""How often a state that may have one more proposition has it."""
+
+
+@dataclass(frozen=True)
+class Grammar(TaskFamily):
+    """Formulas by the grammar above; how many eventuallys and untils there are is drawn first, uniformly.
+
+    No state is asked for at the very first step, which a robot can do nothing about. Some formulas cannot become true,
+    such as `F(a & (!a U b))` where one proposition holds at a time; pools leave out those that are false from the start.
+    """
+
+    operators: tuple[int, int] = (1, 5)
+    """Eventuallys and untils of a formula, together."""
+    state: tuple[int, int] = (1, 3)
+    """Propositions of a state: one of them is to hold, or none of them."""
+
+    def __post_init__(self) -> None:
+        for name, most in (("operators", MAX_OPERATORS), ("state", MAX_OPERATORS)):
+            low, high = getattr(self, name)
+            if not 1 <= low <= high <= most:
+                raise LTLError(f"{name} is a range from 1 to {most}, the smaller number first, got {low} to {high}")
+
+    def least(self) -> int:
+        """As many propositions as the smallest state has."""
+        return self.state[0]
+
+    def draw(self, rng: random.Random, names: Sequence[str]) -> Formula:
+        """Draw one task."""
+        return self._task(rng, names, rng.randint(*self.operators))
+
+    def _task(self, rng: random.Random, names: Sequence[str], count: int) -> Formula:
+        """A task of `count` eventuallys and untils."""
+        kind = rng.random()
+        if count > 1 and kind < 0.35:
+            first = rng.randint(1, count - 1)
+            left, right = self._task(rng, names, first), self._task(rng, names, count - first)
+            return left & right if kind < 0.25 else left | right
+        left = count - 1
+        if rng.random() < 0.4:
+            return eventually(self._goal(rng, names, left))
+        if left and rng.random() < 0.25:
+            inside = rng.randint(1, left)
+            condition = ~self._state(rng, names) | self._task(rng, names, inside)  # state -> task
+            return until(condition, self._goal(rng, names, left - inside))
+        return until(~self._state(rng, names), self._goal(rng, names, left))
+
+    def _goal(self, rng: random.Random, names: Sequence[str], count: int) -> Formula:
+        """What an eventually or an until waits for, with `count` of them in it."""
+        state, kind = self._state(rng, names), rng.random()
+        if not count:
+            return state
+        if kind < 0.75:
+            return state & self._task(rng, names, count)
+        return state | self._goal(rng, names, count) if kind < 0.85 else self._task(rng, names, count)
+
+    def _state(self, rng: random.Random, names: Sequence[str]) -> Formula:
+        size, most = self.state[0], max(self.state[0], min(self.state[1], len(names)))
+        while size < most and rng.random() < GROWS:
+            size += 1
+        return reduce(Formula.__or__, [prop(name) for name in sorted(rng.sample(names, size), key=names.index)])
+
+
+register_task_family("grammar", Grammar)
+name_family("grammar", Grammar())
