@@ -31,7 +31,7 @@ class Grammar(TaskFamily):
     """Formulas by the grammar above; how many eventuallys and untils there are is drawn first, uniformly.
 
     No state is asked for at the very first step, which a robot can do nothing about. Some formulas cannot become true,
-    such as `F(a & (!a U b))` where one proposition holds at a time; pools leave out those that are false from the start.
+    such as `F(a & (!a U b))` where one proposition holds at a time; pools leave out what is false from the start.
     """
 
     operators: tuple[int, int] = (1, 5)
@@ -60,14 +60,14 @@ class Grammar(TaskFamily):
             first = rng.randint(1, count - 1)
             left, right = self._task(rng, names, first), self._task(rng, names, count - first)
             return left & right if kind < 0.25 else left | right
-        left = count - 1
+        inside = count - 1
         if rng.random() < 0.4:
-            return eventually(self._goal(rng, names, left))
-        if left and rng.random() < 0.25:
-            inside = rng.randint(1, left)
-            condition = ~self._state(rng, names) | self._task(rng, names, inside)  # state -> task
-            return until(condition, self._goal(rng, names, left - inside))
-        return until(~self._state(rng, names), self._goal(rng, names, left))
+            return eventually(self._goal(rng, names, inside))
+        if inside and rng.random() < 0.25:
+            first = rng.randint(1, inside)
+            condition = ~self._state(rng, names) | self._task(rng, names, first)  # state -> task
+            return until(condition, self._goal(rng, names, inside - first))
+        return until(~self._state(rng, names), self._goal(rng, names, inside))
 
     def _goal(self, rng: random.Random, names: Sequence[str], count: int) -> Formula:
         """What an eventually or an until waits for, with `count` of them in it."""

@@ -4,7 +4,7 @@ from functools import partial
 
 from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
-from experiments.reproduction.anytask.runs import MEMORIES
+from experiments.reproduction.anytask.runs import LEARNED, MEMORIES, WITHOUT_PARAMETERS
 from experiments.reproduction.plan import Item
 from experiments.reproduction.sections import anycodes, anymemory, anytask
 
@@ -17,6 +17,7 @@ _CODES = tuple(
         *("", "-narrow", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
         *("-roles-merged", "-names", "-nothing", "-transformer-fresh"),
         *("-transformer-long", "-gru-long", "-transformer-more", "-transformer-wide", "-gru-wide"),
+        *(f"-broad-{code}" for code in (*WITHOUT_PARAMETERS, *LEARNED)),
     )
 )
 _PRETRAINED = tuple(
@@ -24,6 +25,7 @@ _PRETRAINED = tuple(
     for name in (
         *("automaton", "transformer", "rgcn", "gru"),
         *("transformer-more", "transformer-more-again", "transformer-more-third", "gru-again", "gru-third"),
+        *(f"broad-{code}" for code in LEARNED),
     )
 )
 _MEMORIES = tuple(f"any-memory-{name}" for name in MEMORIES)

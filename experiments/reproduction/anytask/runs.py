@@ -8,9 +8,10 @@ from envs.zones import ZoneConfig, ZoneEnv
 from experiments import any_configs, controls
 from experiments.reproduction.anytask import suites
 from experiments.reproduction.plan import Run
-from t2tl_jax.ltl import Chains, Conjunction, Disjunction, Mixture, Named
+from t2tl_jax.ltl import Chains, Conjunction, Disjunction, Grammar, Mixture, Named
 from t2tl_jax.networks.automaton_encoder import AutomatonConfig
 from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.gated import GatedConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.rgcn import RGCNConfig
@@ -33,6 +34,9 @@ SECOND_SEED = 40
 THIRD_SEED = 60
 """Of agents whose settings were chosen once more, after those with seeds from 40 on had been seen."""
 
+FOURTH_SEED = 76
+"""Of agents whose settings were chosen after those with seeds from 60 on had been seen."""
+
 HEADLINE_SEEDS, ENCODER_SEEDS, MEMORY_SEEDS = "10", "4", "12"
 
 ENCODER_FRAMES, FRESH_FRAMES, PRETRAINING_FRAMES, MEMORY_FRAMES = 20_000_000, 8_000_000, 3_000_000, 8_000_000
@@ -42,6 +46,9 @@ LONG_FRAMES, MORE_PRETRAINING = 100_000_000, 20_000_000
 
 WIDE_FRAMES = 150_000_000
 """Of agents that read text with wider layers."""
+
+BROAD_FRAMES = 80_000_000
+"""Of agents that are trained on the broad family."""
 
 TEXTS = ("transformer", "gru")
 
@@ -72,6 +79,20 @@ WIDE = Mixture(
 )
 """What encoders are pre-trained on in the world of a single state: wider than what the agents are trained on."""
 
+BROAD = Mixture(
+    (
+        Chains(depth=(1, 4), avoid=(0, 3)),
+        Conjunction(Chains(depth=(1, 2)), (2, 3)),
+        Disjunction(Chains(depth=(1, 2)), (2, 2)),
+        Named("Until_1_2_1_1"),
+        Named("Eventually_1_3_1_3"),
+        Grammar(),
+    ),
+    (2.0, 2.0, 1.0, 0.5, 0.5, 4.0),
+)
+"""What encoders and agents alike are trained on, so that an agent meets texts of all kinds that its code was learned
+from: two fifths of them are written by the grammar."""
+
 WIDER: dict[str, Any] = {"actor_layers": (128, 128, 64), "critic_layers": (128, 64)}
 """Layers of actor and critic behind wider ones of the observation."""
 
@@ -91,13 +112,16 @@ WITHOUT_PARAMETERS: dict[str, TaskEncoderConfig] = {
 
 MEMORIES = ("t1tl", "t2tl", "gru")
 
-ANY_AGENTS = ("any-zones", "any-zones-narrow", "any-letters", "any-flat", "any-water", "any-walls")
+ANY_AGENTS = (
+    *("any-zones", "any-zones-narrow", "any-letters", "any-flat", "any-water", "any-walls"),
+    *(f"any-zones-broad-{text}" for text in TEXTS),
+)
 """Agents that are kept, to be played by others."""
 
 
 def any_runs() -> dict[str, Run]:
     """Every run of agents for any task."""
-    return {**_headline(), **_encoders(), **_memory()}
+    return {**_headline(), **_broad(), **_encoders(), **_memory()}
 
 
 def _headline() -> dict[str, Run]:
@@ -135,6 +159,45 @@ def _headline() -> dict[str, Run]:
     dqn = _without(named_config("letters_any_dqn"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
     dqn = replace(dqn, frames=DQN_FRAMES)
     return runs | {"any-letters-dqn": _run(dqn, ENCODER_SEEDS, suites=(suites.LETTERS, suites.LETTERS_LONG))}
+
+
+def _broad() -> dict[str, Run]:
+    """One task family, world, budget and network with every code: lidars are gated by weights that one layer reads off
+    the code, whatever it is."""
+    base = replace(_narrow(ZONE_TESTS), task=BROAD, frames=BROAD_FRAMES)
+    base = _with(
+        base, {"learning_rate": 1e-3, "anneal_learning_rate": True}, {"state": GatedConfig(), "env_layers": (256, 128)}
+    )
+    new: dict[str, Run] = {}
+    for name, encoder in WITHOUT_PARAMETERS.items():
+        new[f"any-zones-broad-{name}"] = _run(
+            _encoder(base, encoder), HEADLINE_SEEDS, FOURTH_SEED, suites=(suites.ZONES,)
+        )
+    for name, encoder in LEARNED.items():
+        before = f"any-pretraining-broad-{name}"
+        lessons = Run(_offers(encoder, name), seeds=HEADLINE_SEEDS, first_seed=FOURTH_SEED, evaluated=False)
+        new[before] = replace(lessons, suites=(suites.READ_ALONE,))
+        config = _with(replace(_encoder(base, encoder), pretrained="auto"), network={"freeze_task_encoder": True})
+        more = (suites.EXCHANGED,) if name in TEXTS else ()
+        new[f"any-zones-broad-{name}"] = _run(
+            config, HEADLINE_SEEDS, FOURTH_SEED, before=before, suites=(suites.ZONES, *more)
+        )
+    return new
+
+
+def _offers(encoder: TaskEncoderConfig, name: str) -> Config:
+    """A pre-training in which two propositions are offered at a step, so that a code also has to tell what to leave.
+    A Transformer learns to read more slowly, so it gets more frames, at half the learning rate."""
+    config = _pretraining(encoder)
+    slow = name == "transformer"
+    sizes = {"num_envs": 1024, "minibatch_size": 4096, "learning_rate": 5e-4} if slow else {"learning_rate": 1e-3}
+    config = replace(
+        _with(config, {"anneal_learning_rate": True, **sizes}),
+        env=SingleStateConfig(ZoneEnv(zones.OPEN).propositions, offered=2),
+        task=BROAD,
+        frames=30_000_000 if slow else 4_000_000,
+    )
+    return replace(config, pool=replace(config.pool, rows=448, period=2))
 
 
 def _encoders() -> dict[str, Run]:
