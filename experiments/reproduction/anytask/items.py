@@ -4,7 +4,7 @@ from functools import partial
 
 from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
-from experiments.reproduction.anytask.runs import LEARNED, MEMORIES, WITHOUT_PARAMETERS
+from experiments.reproduction.anytask.runs import LEARNED, MEMORIES, MERGED, WITHOUT_PARAMETERS
 from experiments.reproduction.plan import Item
 from experiments.reproduction.sections import anycodes, anymemory, anytask
 
@@ -17,6 +17,7 @@ _CODES = tuple(
         *("", "-narrow", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
         *("-roles-merged", "-names", "-nothing", "-transformer-fresh"),
         *("-transformer-long", "-gru-long", "-transformer-more", "-transformer-wide", "-gru-wide"),
+        *(f"-broad-{code}-merged" for code in MERGED),
         *(f"-broad-{code}" for code in (*WITHOUT_PARAMETERS, *LEARNED)),
     )
 )

@@ -14,6 +14,7 @@ from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.gated import GatedConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.lookahead import LookaheadConfig
+from t2tl_jax.networks.merged import MergedConfig
 from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.roles import RolesConfig
 from t2tl_jax.networks.state_encoders import FlatConfig
@@ -110,6 +111,12 @@ WITHOUT_PARAMETERS: dict[str, TaskEncoderConfig] = {
     "nothing": controls.NothingConfig(),
 }
 
+MERGED: dict[str, TaskEncoderConfig] = {
+    "lookahead": LookaheadConfig(propositions=10, farther=True),
+    "roles": RolesConfig(propositions=10),
+}
+"""Codes that say of each colour what it is to the task, with room for more colours than the training has."""
+
 MEMORIES = ("t1tl", "t2tl", "gru")
 
 ANY_AGENTS = (
@@ -163,12 +170,18 @@ def _headline() -> dict[str, Run]:
 
 def _broad() -> dict[str, Run]:
     """One task family, world, budget and network with every code: lidars are gated by weights that one layer reads off
-    the code, whatever it is."""
+    the code, whatever it is. Codes that speak of each colour by itself also merge them, which takes any number."""
     base = replace(_narrow(ZONE_TESTS), task=BROAD, frames=BROAD_FRAMES)
     base = _with(
         base, {"learning_rate": 1e-3, "anneal_learning_rate": True}, {"state": GatedConfig(), "env_layers": (256, 128)}
     )
-    new: dict[str, Run] = {}
+    merged = _with(base, network={"state": MergedConfig()})
+    new = {
+        f"any-zones-broad-{name}-merged": _run(
+            _encoder(merged, encoder), HEADLINE_SEEDS, FOURTH_SEED, suites=(suites.ZONES, *suites.MORE_COLOURS)
+        )
+        for name, encoder in MERGED.items()
+    }
     for name, encoder in WITHOUT_PARAMETERS.items():
         new[f"any-zones-broad-{name}"] = _run(
             _encoder(base, encoder), HEADLINE_SEEDS, FOURTH_SEED, suites=(suites.ZONES,)
