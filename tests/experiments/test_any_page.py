@@ -88,14 +88,6 @@ def test_levels_show_codes_side_by_side_and_what_was_not_played(zones):
     assert shown["texts exchanged"].startswith("0.10")
 
 
-def test_what_longer_training_changes_needs_both_trainings(zones):
-    (longer, shorter), (other, _) = anycodes.LONGER
-    assert anycodes.longer_training({longer: zones, other: zones}) == ""
-    said = anycodes.longer_training({longer: zones, shorter: zones, other: zones})
-    assert "0.000" in said and "2 pairs cannot give a p under 0.5." in said.replace("\n", " ")
-    assert "Corrected for 2 comparisons, 1 of which can be made so far." in said
-
-
 def test_what_can_be_read_alone_and_what_was_met_before(zones):
     kept_out = replace(zones.config.pool, unseen="")
     (zones.path / "config.json").write_text(config_files.to_json(replace(zones.config, pool=kept_out)))
@@ -107,27 +99,25 @@ def test_what_can_be_read_alone_and_what_was_met_before(zones):
 def test_what_an_agent_reads_is_that_of_the_pretraining_it_began_with():
     """A pre-training that was made again is another one: a GPU does not repeat it."""
     runs, results = all_runs(), stored.REPOSITORY / "results" / "any"
-    pairs = [pair for pair in anycodes.READERS.items() if (results / pair[0]).is_dir()]
-    assert len(pairs) >= 4
+    pairs = [(name, run.before) for name, run in runs.items() if name.startswith("any-") and run.before is not None]
+    assert len(pairs) >= 8 and anycodes.READERS.items() <= set(pairs)
     for agent, reader in pairs:
-        assert runs[agent].before == reader
         trained, taught = (json.loads((results / name / "versions.json").read_text()) for name in (agent, reader))
         assert trained["started"]["git_revision"] == taught["started"]["git_revision"], agent
         status, before = (json.loads((results / name / "status.json").read_text()) for name in (agent, reader))
         assert status["pretraining"]["training_seconds"] == before["all_sessions"]["training_seconds"], agent
 
 
-def test_two_pretrainings_of_one_code_are_compared():
-    names = {name for pair in anycodes.TAUGHT_MORE for name in pair}
+def test_learned_codes_stand_against_the_one_that_is_read_off_the_table():
+    names = {name for pair in anycodes.AGAINST_TABLE for name in pair}
     runs = {name: stored.Stored(stored.REPOSITORY / "results" / "any" / name) for name in names}
-    lines = anycodes.read_alone(runs).splitlines()
-    for more, fewer in anycodes.TAUGHT_MORE:
-        line = next(line for line in lines if f"| {more} - {fewer} |" in line)
-        gap = np.subtract(*(np.mean(list(anycodes._of_each_seed(runs[name]).values())) for name in (more, fewer)))
-        assert f"{gap:.3f}" in line and "paired" not in line
-        assert "more frames" not in anycodes.read_alone({more: runs[more]})
-        alone = anycodes.read_alone({more: runs[more], fewer: runs[fewer]})
-        assert "more frames" in alone and "made twice" not in alone
+    lines = anycodes.against_table(runs).splitlines()
+    for tasks in (suites.ZONE_Z, suites.ZONE_HARD):
+        for first, second in anycodes.AGAINST_TABLE:
+            means = [np.mean(list(anycodes._of_each_seed(runs[name], tasks).values())) for name in (first, second)]
+            gap = f"| {first} - {second} | {means[0] - means[1]:.3f} ["
+            assert any(gap in line and "paired" in line for line in lines), gap
+    assert anycodes.against_table({first: runs[first]}) == ""
 
 
 def test_only_policies_that_read_the_same_state_are_compared(tmp_path):
@@ -196,12 +186,15 @@ def test_runs_that_would_be_made_otherwise_today_are_named(zones):
 
 
 def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Formula by formula and seed by seed; seeds that do not pair are not put side by side."""
-    alone = np.random.default_rng(0).uniform(size=(6, 4))
-    success = {"any-pretraining-transformer": alone, "any-zones-transformer": alone / 2}
+    """Formula by formula; runs of other seeds are not put side by side."""
+    asked = (*suites.ZONE_Z, *suites.ZONE_HARD)
+    agent, reader = next(iter(anycodes.READERS.items()))
+    alone = np.random.default_rng(0).uniform(size=(len(asked), 4))
+    alone[0] = 1.0
+    success = {reader: alone, agent: alone / 2}
 
     def figures(run: SimpleNamespace) -> dict[str, Any]:
-        rates = zip(suites.ZONE_Z, success[run.name], strict=True)
+        rates = zip(asked, success[run.name], strict=True)
         return {task: {anycodes.SAMPLED: {"success_rate": values}} for task, values in rates}
 
     monkeypatch.setattr(anycodes, "figures", figures)
@@ -209,14 +202,13 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     families = True
     runs: Any = {name: SimpleNamespace(name=name, seeds=(1, 2, 3, 4), end=lambda what: {1: 0.5}) for name in success}
     said = anycodes.text_alone(runs)
-    assert "transformer 1.00, 1.00." in said.replace("\n", " ")
-    assert f"and on z1 to z6: transformer 0.50, 0.25, {alone.mean() / 2:.2f}." in said
+    assert "had not met: transformer 0.500, 0.250." in said and "are: transformer 0.500 (4 of 60)." in said
     families = False
     assert "family" not in anycodes.text_alone(runs)
     first = next(line for line in said.splitlines() if "beside the robot |" in line)
-    assert ", ".join(f"{value:.2f}" for value in alone[2] / 2) in first.split(" | ")[4]
+    assert first.split(" | ")[3] == f"{alone[1].mean() / 2:.2f} ({alone[1].min() / 2:.2f})"
     assert "**not reached**" in said
-    success["any-zones-transformer"] = np.full((6, 4), 0.96)
+    success[agent] = np.full((len(asked), 4), 0.96)
     assert "**not reached**" not in anycodes.text_alone(runs)
-    runs["any-zones-transformer"].seeds = (5, 6, 7, 8)
+    runs[agent].seeds = (5, 6, 7, 8)
     assert anycodes.text_alone(runs) == anycodes.text_alone({}) == ""

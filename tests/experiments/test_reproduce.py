@@ -44,7 +44,7 @@ def test_every_run_has_a_configuration_at_either_scale(runs, scale):
     for name, run in runs.items():
         if run.measure is None:
             config = Scale(scale, "12").apply(run)
-            assert config.frames <= (150_000_000 if name.startswith("any-") else 10_000_000)
+            assert config.frames <= (100_000_000 if name.startswith("any-") else 10_000_000)
             assert scale == "full" or config.frames <= 3 * config.learner.frames_per_iteration, name
             assert (run.before is not None) == bool(config.pretrained), name
 
@@ -209,10 +209,8 @@ def test_no_run_is_on_seeds_that_settings_were_chosen_on(runs):
             assert in_zones == name.startswith(("zone-", "safe-", "prime-", "any-")), name
             assert not seeds & (searched if in_zones else set(tuning.TUNED["waterworld_dqn"].seeds)), name
             assert seeds <= set(range(run.first_seed, run.first_seed + 12)), name
-            again = name.endswith(("-more", "-more-again")) or name in ("any-zones-narrow", "any-flat")
-            third = name in ("any-zones", "any-water") or name.endswith(("-third", "-wide"))
-            fourth = "-broad-" in name
-            first = 76 if fourth else 60 if third else 40 if again else 24 if in_zones else 0
+            later = {"any-flat": 40, "any-zones": 60, "any-water": 60}
+            first = 76 if "-broad-" in name else later.get(name, 24 if in_zones else 0)
             assert run.first_seed == first, name
     for name in ("zone-t2tl", "safe-dfa", "water-t1tl", "water-pretraining-gnn"):
         config = Scale("full", "12").apply(runs[name])

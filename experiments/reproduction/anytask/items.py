@@ -14,9 +14,8 @@ GROUP = "any"
 _CODES = tuple(
     f"any-zones{name}"
     for name in (
-        *("", "-narrow", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
+        *("", "-lookahead-merged", "-lookahead", "-automaton", "-transformer", "-rgcn", "-gru"),
         *("-roles-merged", "-names", "-nothing", "-transformer-fresh"),
-        *("-transformer-long", "-gru-long", "-transformer-more", "-transformer-wide", "-gru-wide"),
         *(f"-broad-{code}-merged" for code in MERGED),
         *(f"-broad-{code}" for code in (*WITHOUT_PARAMETERS, *LEARNED)),
     )
@@ -24,8 +23,7 @@ _CODES = tuple(
 _PRETRAINED = tuple(
     f"any-pretraining-{name}"
     for name in (
-        *("automaton", "transformer", "rgcn", "gru"),
-        *("transformer-more", "transformer-more-again", "transformer-more-third", "gru-again", "gru-third"),
+        *LEARNED,
         *(f"broad-{code}" for code in LEARNED),
     )
 )

@@ -42,19 +42,10 @@ HEADLINE_SEEDS, ENCODER_SEEDS, MEMORY_SEEDS = "10", "4", "12"
 
 ENCODER_FRAMES, FRESH_FRAMES, PRETRAINING_FRAMES, MEMORY_FRAMES = 20_000_000, 8_000_000, 3_000_000, 8_000_000
 
-LONG_FRAMES, MORE_PRETRAINING = 100_000_000, 20_000_000
-"""Of further agents that read text, to see whether more frames are what they lack, or codes that read better."""
-
-WIDE_FRAMES = 150_000_000
-"""Of agents that read text with wider layers."""
-
 BROAD_FRAMES = 80_000_000
 """Of agents that are trained on the broad family."""
 
 TEXTS = ("transformer", "gru")
-
-THIRD = {"transformer": "transformer-more-third", "gru": "gru-third"}
-"""The pre-trainings of agents with wider layers, which have the third seeds."""
 
 DQN_FRAMES = 4_000_000
 
@@ -94,9 +85,6 @@ BROAD = Mixture(
 """What encoders and agents alike are trained on, so that an agent meets texts of all kinds that its code was learned
 from: two fifths of them are written by the grammar."""
 
-WIDER: dict[str, Any] = {"actor_layers": (128, 128, 64), "critic_layers": (128, 64)}
-"""Layers of actor and critic behind wider ones of the observation."""
-
 LEARNED: dict[str, TaskEncoderConfig] = {
     "transformer": TransformerConfig(output=32),
     "automaton": AutomatonConfig(),
@@ -120,7 +108,7 @@ MERGED: dict[str, TaskEncoderConfig] = {
 MEMORIES = ("t1tl", "t2tl", "gru")
 
 ANY_AGENTS = (
-    *("any-zones", "any-zones-narrow", "any-letters", "any-flat", "any-water", "any-walls"),
+    *("any-zones", "any-letters", "any-flat", "any-water", "any-walls"),
     *(f"any-zones-broad-{text}" for text in TEXTS),
 )
 """Agents that are kept, to be played by others."""
@@ -133,10 +121,8 @@ def any_runs() -> dict[str, Run]:
 
 def _headline() -> dict[str, Run]:
     zone = _without(named_config("zones_any"), ZONE_TESTS)
-    narrow = _with(_narrow(ZONE_TESTS), {"anneal_learning_rate": True}, {"task_encoder": _room_for(10)})
-    walls = _with(_narrow(suites.WALLS.tasks), {"anneal_learning_rate": True}, {"task_encoder": _room_for(10)})
+    walls = _with(_base(suites.WALLS.tasks), {"anneal_learning_rate": True}, {"task_encoder": _room_for(10)})
     walls = replace(walls, env=ZoneConfig(layout="random"), frames=20_000_000)
-    narrow = replace(narrow, task=any_configs.any_tasks(Chains(depth=(1, 3), avoid=(0, 3))), frames=60_000_000)
     letters = _without(named_config("letters_any"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
     water = _without(named_config("water_any"), suites.WATER.tasks)
     flat = named_config("flat_any")
@@ -147,7 +133,6 @@ def _headline() -> dict[str, Run]:
     }
     tested: dict[str, tuple[Config, dict[str, Any]]] = {
         "any-zones": (zone, everything),
-        "any-zones-narrow": (narrow, everything),
         "any-water": (water, {"suites": (suites.WATER,)}),
         "any-walls": (walls, {"suites": (suites.UNTIL, suites.WALLS)}),
         "any-letters": (letters, {"suites": (suites.LETTERS, suites.LETTERS_LONG, suites.LETTER_MAPS)}),
@@ -155,7 +140,6 @@ def _headline() -> dict[str, Run]:
     }
     again = {
         "any-zones": THIRD_SEED,
-        "any-zones-narrow": SECOND_SEED,
         "any-water": THIRD_SEED,
         "any-flat": SECOND_SEED,
     }
@@ -171,7 +155,7 @@ def _headline() -> dict[str, Run]:
 def _broad() -> dict[str, Run]:
     """One task family, world, budget and network with every code: lidars are gated by weights that one layer reads off
     the code, whatever it is. Codes that speak of each colour by itself also merge them, which takes any number."""
-    base = replace(_narrow(ZONE_TESTS), task=BROAD, frames=BROAD_FRAMES)
+    base = replace(_base(ZONE_TESTS), task=BROAD, frames=BROAD_FRAMES)
     base = _with(
         base, {"learning_rate": 1e-3, "anneal_learning_rate": True}, {"state": GatedConfig(), "env_layers": (256, 128)}
     )
@@ -214,9 +198,9 @@ def _offers(encoder: TaskEncoderConfig, name: str) -> Config:
 
 
 def _encoders() -> dict[str, Run]:
-    """The same task, world and budget with other codes. Codes that do not speak of each colour by itself are read
-    beside the observation as it is, and so is the look-ahead once more."""
-    base = _narrow(ZONE_TESTS)
+    """A narrower family and fewer frames. Codes that do not speak of each colour by itself are read beside the
+    observation as it is, and so is the look-ahead once more."""
+    base = _base(ZONE_TESTS)
     base = replace(base, frames=ENCODER_FRAMES)
     flat = _with(base, network={"state": FlatConfig()})
     tested: dict[str, Any] = {"suites": (suites.ZONES,)}
@@ -229,54 +213,21 @@ def _encoders() -> dict[str, Run]:
         new[f"any-zones-{name}"] = _run(_encoder(flat, encoder), ENCODER_SEEDS, **tested)
     for name, encoder in LEARNED.items():
         before = f"any-pretraining-{name}"
-        pretraining = Run(_pretraining(encoder), seeds=ENCODER_SEEDS, first_seed=FIRST_SEED, evaluated=False)
-        new[before] = replace(pretraining, suites=(suites.READ_ALONE,))
+        lessons = Run(_pretraining(encoder), seeds=ENCODER_SEEDS, first_seed=FIRST_SEED, evaluated=False)
+        new[before] = replace(lessons, suites=(suites.READ_ALONE,))
         config = replace(_encoder(flat, encoder), pretrained="auto")
         config = _with(config, network={"freeze_task_encoder": True})
         more = (suites.EXCHANGED,) if name == "transformer" else ()
         new[f"any-zones-{name}"] = _run(config, ENCODER_SEEDS, before=before, suites=(suites.ZONES, *more))
-        longer = replace(config, frames=LONG_FRAMES)
-        if name in TEXTS:
-            # The GRU's was made on another day, by a later commit: a GPU does not repeat a pre-training exactly. So was
-            # that of the agent below.
-            again = f"{before}-again" if name == "gru" else before
-            new[again] = new[before]
-            new[f"any-zones-{name}-long"] = _run(longer, ENCODER_SEEDS, before=again, suites=(suites.ZONES, *more))
-            third = f"any-pretraining-{THIRD[name]}"
-            lessons = pretraining.config if name == "gru" else _taught_more(pretraining.config)
-            new[third] = replace(new[before], config=lessons, first_seed=THIRD_SEED)
-            wide = _with(
-                longer, {"learning_rate": 1e-3, "anneal_learning_rate": True}, {"env_layers": (512, 512)} | WIDER
-            )
-            wide = replace(wide, frames=WIDE_FRAMES)
-            new[f"any-zones-{name}-wide"] = _run(
-                wide, ENCODER_SEEDS, THIRD_SEED, before=third, suites=(suites.ZONES, *more)
-            )
-        if name == "transformer":
-            taught = Run(_taught_more(pretraining.config), seeds=ENCODER_SEEDS, first_seed=SECOND_SEED, evaluated=False)
-            taught = replace(taught, suites=(suites.READ_ALONE,))
-            again = f"{before}-more-again"
-            new |= {f"{before}-more": taught, again: taught}
-            new[f"any-zones-{name}-more"] = _run(
-                longer, ENCODER_SEEDS, SECOND_SEED, before=again, suites=(suites.ZONES, *more)
-            )
     fresh = replace(_encoder(flat, LEARNED["transformer"]), frames=FRESH_FRAMES)
     new["any-zones-transformer-fresh"] = _run(fresh, ENCODER_SEEDS, **tested)
     return new
 
 
-def _taught_more(config: Config | None) -> Config:
-    """The same pre-training on as many more formulas, by a learning rate that falls to 0."""
-    assert config is not None
-    learner: Any = config.learner
-    learner = replace(learner, learning_rate=5e-4, anneal_learning_rate=True)
-    return replace(config, learner=learner, frames=MORE_PRETRAINING)
-
-
 def _memory() -> dict[str, Run]:
     """Discs that are seen from near only: without memory, and with either reader of the last steps. Lidars are merged,
     also those that are remembered, by what their colours are to the task now."""
-    base = _narrow(suites.ZONE_Z)
+    base = _base(suites.ZONE_Z)
     env: Any = base.env
     base = replace(base, env=replace(env, lidar_range=MEMORY_RANGE), frames=MEMORY_FRAMES)
     contexts = {
@@ -299,9 +250,9 @@ def _run(config: Config, seeds: str, first_seed: int = FIRST_SEED, **more: Any) 
     return Run(config, seeds=seeds, first_seed=first_seed, **more)
 
 
-def _narrow(tests: tuple[str, ...]) -> Config:
-    """The settings that agents of the open ZoneEnv had before: narrower layers, a smaller constant step size, and
-    fewer propositions to avoid."""
+def _base(tests: tuple[str, ...]) -> Config:
+    """What most agents of ZoneEnv have in common: narrower layers than the one above, a constant step size, and fewer
+    propositions to avoid."""
     config = replace(named_config("zones_any"), learner=any_configs.SMALL)
     return _without(replace(config, task=any_configs.any_tasks(Chains(depth=(1, 3)))), tests)
 

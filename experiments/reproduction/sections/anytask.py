@@ -231,9 +231,9 @@ def _measured(of: Mapping[str, Any], bar: Bar) -> tuple[float, str]:
 
 
 OTHER_CODES = {
-    "lookahead-merged": "as here",
-    "lookahead": "with plain lidars",
-    "transformer": "a Transformer's",
+    "broad-lookahead": "off the table",
+    "broad-gru": "by a GRU that reads its text",
+    "broad-transformer": "by a Transformer that does",
 }
 """With which the README compares the agent for any task."""
 
@@ -263,12 +263,13 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     parts = (
         "*One agent of the open ZoneEnv.",
         "It reads codes off the table and merges lidars by them;",
-        f"with narrower layers: {_of_codes(runs, OTHER_CODES)}. Settings were",
-        "chosen on other formulas, after results on these had been seen.",
+        "Settings were chosen on other formulas, after results on these had been seen.",
         f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
         f"(DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')});",
         f"on {weakest}, the weakest of {len(rest)} others: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",
         f"on twelve discs in turn: {rates['reach_12']:.2f}.",
+        "Where one layer reads what to do off the code of the formula instead, z1 to z6 come to, code",
+        f"{_of_codes(runs, OTHER_CODES)}.",
         f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames took {run.train_seconds:.0f} s,",
         f"and {run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.*",
     )
