@@ -232,10 +232,10 @@ def _measured(of: Mapping[str, Any], bar: Bar) -> tuple[float, str]:
 
 OTHER_CODES = {
     "broad-lookahead": "off the table",
-    "broad-gru": "by a GRU that reads its text",
-    "broad-transformer": "by a Transformer that does",
+    "broad-gru": "a GRU's",
+    "broad-transformer": "a Transformer's",
 }
-"""With which the README compares the agent for any task."""
+"""Codes that the README tells of, read by one layer."""
 
 
 def in_short(runs: Mapping[str, Stored]) -> str:
@@ -262,28 +262,30 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     alone = "alone" if run.status.get("alone") else "while others trained on the same host"
     parts = (
         "*One agent of the open ZoneEnv.",
-        "It reads codes off the table and merges lidars by them;",
-        "Settings were chosen on other formulas, after results on these had been seen.",
+        "It reads codes off the table and merges lidars by them.",
+        "Settings were chosen on other formulas, after results on these were known.",
         f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
         f"(DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')});",
         f"on {weakest}, the weakest of {len(rest)} others: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",
         f"on twelve discs in turn: {rates['reach_12']:.2f}.",
-        "Where one layer reads what to do off the code of the formula instead, z1 to z6 come to, code",
-        f"{_of_codes(runs, OTHER_CODES)}.",
         f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames took {run.train_seconds:.0f} s,",
-        f"and {run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.*",
+        f"and {run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.",
+        f"Where one layer learns to read the code, on z1 to z6 and on those {len(rest)}: {_of_codes(runs, OTHER_CODES)}.*",
     )
     return " ".join(parts)
 
 
 def _of_codes(runs: Mapping[str, Stored], codes: Mapping[str, str]) -> str:
-    """What other codes came to on the same formulas, by what they are called, and with which budgets."""
+    """What other codes came to on the same formulas, by what they are called, and with which budgets: on z1 to z6, and
+    on harder ones."""
     said, budgets = [], dict[str, None]()
     for code, label in codes.items():
         run = runs.get(f"any-zones-{code}")
         if run is None:
             continue
-        said.append(f"{label} {over_tasks(figures(run), suites.ZONE_Z, SAMPLED, 'success_rate').text(2)}")
+        of = figures(run)
+        means = [over_tasks(of, tasks, SAMPLED, "success_rate").value for tasks in (suites.ZONE_Z, suites.ZONE_HARD)]
+        said.append(f"{label} {means[0]:.2f} and {means[1]:.2f}")
         budgets[f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames"] = None
     return f"{', '.join(said)} ({' or '.join(budgets)})" if said else "nothing measured yet"
 
