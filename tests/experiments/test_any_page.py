@@ -92,7 +92,9 @@ def test_what_can_be_read_alone_and_what_was_met_before(zones):
     kept_out = replace(zones.config.pool, unseen="")
     (zones.path / "config.json").write_text(config_files.to_json(replace(zones.config, pool=kept_out)))
     row = cells(anycodes.read_alone({"any-pretraining-gru": stored.Stored(zones.path)}))["gru"]
-    assert row[1].startswith("0.99 [") and row[2] == "not measured yet" and row[3:] == ["nothing", "4/5", "-", "-"]
+    assert row[2].startswith("0.99 [") and row[3] == "not measured yet" and row[4:] == ["nothing", "4/5", "-", "-"]
+    pools = -(-zones.config.iterations // zones.config.pool.period)
+    assert row[0] == f"{pools * zones.config.pool.size:,}"
     assert anycodes.read_alone({"any-zones": zones}) == ""
 
 

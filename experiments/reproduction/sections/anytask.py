@@ -270,7 +270,8 @@ def in_short(runs: Mapping[str, Stored]) -> str:
         f"on twelve discs in turn: {rates['reach_12']:.2f}.",
         f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames took {run.train_seconds:.0f} s,",
         f"and {run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.",
-        f"Where one layer learns to read the code, on z1 to z6 and on those {len(rest)}: {_of_codes(runs, OTHER_CODES)}.*",
+        f"Where one layer learns to read the code, on z1 to z6 and on those {len(rest)}:",
+        f"{_of_codes(runs, OTHER_CODES)}.*",
     )
     return " ".join(parts)
 
