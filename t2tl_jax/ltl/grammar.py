@@ -1,4 +1,4 @@
-"""Random formulas of nearly every shape that a co-safe task can have: wider than chains and what is made of them.
+"""Random formulas of many shapes: wider than chains and what is made of them.
 
 An encoder that reads text reads well what is written like the formulas it learned from. Chains are always written in
 one way; here the parts of formulas are put together by a small grammar:
@@ -20,7 +20,7 @@ from t2tl_jax.ltl.formula import Formula, eventually, prop, until
 from t2tl_jax.registry import register_task_family
 
 MAX_OPERATORS = 50
-"""Most eventuallys and untils of a formula."""
+"""Most eventuallys and untils of a formula, and most propositions of a state."""
 
 GROWS = 0.35
 """How often a state that may have one more proposition has it."""
@@ -30,14 +30,15 @@ GROWS = 0.35
 class Grammar(TaskFamily):
     """Formulas by the grammar above; how many eventuallys and untils there are is drawn first, uniformly.
 
-    No state is asked for at the very first step, which a robot can do nothing about. Some formulas cannot become true,
-    such as `F(a & (!a U b))` where one proposition holds at a time; pools leave out what is false from the start.
+    A first step at which no proposition is true decides nothing: a robot could do nothing about that. Some formulas
+    cannot become true, such as `F(a & (!a U b))` where one proposition holds at a time; pools leave out what is false
+    from the start.
     """
 
     operators: tuple[int, int] = (1, 5)
     """Eventuallys and untils of a formula, together."""
     state: tuple[int, int] = (1, 3)
-    """Propositions of a state: one of them is to hold, or none of them."""
+    """Propositions of a state, as far as there are so many: one of them is to hold, or none of them."""
 
     def __post_init__(self) -> None:
         for name, most in (("operators", MAX_OPERATORS), ("state", MAX_OPERATORS)):

@@ -83,7 +83,7 @@ BROAD = Mixture(
     (2.0, 2.0, 1.0, 0.5, 0.5, 4.0),
 )
 """What encoders and agents alike are trained on, so that an agent meets texts of all kinds that its code was learned
-from: two fifths of them are written by the grammar."""
+from: two fifths of the formulas are written by the grammar."""
 
 LEARNED: dict[str, TaskEncoderConfig] = {
     "transformer": TransformerConfig(output=32),
@@ -251,7 +251,7 @@ def _run(config: Config, seeds: str, first_seed: int = FIRST_SEED, **more: Any) 
 
 
 def _base(tests: tuple[str, ...]) -> Config:
-    """What most agents of ZoneEnv have in common: narrower layers than the one above, a constant step size, and fewer
+    """What most agents of ZoneEnv have in common: narrower layers than any-zones, a constant step size, and fewer
     propositions to avoid."""
     config = replace(named_config("zones_any"), learner=any_configs.SMALL)
     return _without(replace(config, task=any_configs.any_tasks(Chains(depth=(1, 3)))), tests)

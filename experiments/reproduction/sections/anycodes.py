@@ -62,19 +62,21 @@ def levels(runs: Mapping[str, Stored]) -> str:
 
 BROAD_SAYS = (
     "Success of the sampled policy. Intervals of levels are over seeds and tasks, both as samples. All of these "
-    "agents have one family, network, budget, seeds and maps, and differ in their codes; merged ones in what reads "
-    "the lidars too. Gated: one linear layer reads weights of the colours off the code, and lidars are summed by "
-    "them. Merged: they are summed by what the colours are to the task, which the code says in so many numbers. names "
-    "is a random vector for every text, which tells rows apart and no more, as one-hot codes do in a single table; "
-    "nothing tells nothing; where texts are exchanged, the open rows of a task show each other's. What codes with "
-    "parameters met in their pre-training is told below. The family has chains, conjunctions and disjunctions of "
-    "them, LTL2Action's, and, two fifths, formulas by a small grammar (`t2tl_jax/ltl/grammar.py`), which was written "
-    "with the shapes of the tests in view: a condition such as that of z6 is one of its rules. The tests themselves "
-    "are kept out of all pools, under whatever names of propositions. Family, offers, gates and schedules were chosen "
-    "on seeds 100 to 102 in two rounds, of 12 pre-trainings and 18 agents, by six formulas that are no tests but were "
-    "made like z1 to z6, and were kept out of the pools of the second round; results of the agents further below, and "
-    "of some between these two tables that are no longer kept and stayed below the aim, had been seen before. These "
-    "trials are not stored. The Transformer's schedule was not tried before as it is."
+    "agents have one family, network, number of frames, seeds and maps, and differ in their codes; merged ones in "
+    "what reads the lidars too. Codes with parameters are trained before, the Transformer's for more frames than the "
+    "others' (below), and frozen. Gated: one linear layer reads weights of the colours off the code, and lidars are "
+    "summed by them. Merged: they are summed by what the colours are to the task, which the code says in so many "
+    "numbers. names is a random vector for every text, which tells rows apart and no more, as one-hot codes do in a "
+    "single table; nothing tells nothing; where texts are exchanged, the open rows of a task show each other's. What "
+    "codes with parameters met in their pre-training is told below. The family has chains, conjunctions and "
+    "disjunctions of them, LTL2Action's, and, two fifths, formulas by a small grammar (`t2tl_jax/ltl/grammar.py`), "
+    "which was written with the shapes of the tests in view: a condition such as that of z6 and of long is one of its "
+    "rules. The tests themselves are kept out of all pools, under whatever names of propositions. Family, offers, "
+    "gates and schedules were chosen on seeds 100 to 102 in two rounds, of 12 pre-trainings and 18 agents, by six "
+    "formulas that are no tests but were made like z1 to z6, and were kept out of the pools of the second round; "
+    "results of the agents further below, and of some between these two tables that are no longer kept and stayed "
+    "below the aim, as the Transformer and the GRU further below do, had been seen before. These trials are not "
+    "stored. The Transformer's schedule was not tried before as it is."
 )
 
 OTHERS_SAY = (
@@ -135,7 +137,7 @@ def read_alone(runs: Mapping[str, Stored]) -> str:
         drawn = f"{-(-run.config.iterations // pool.period) * pool.size:,}"
         rows.append((code, drawn, share(run.end("success_rate")), *cells, kept_out, *met_of))
     heading = (
-        *("code", "formulas drawn", "success in its pre-training"),
+        *("code", "places in its pools", "success in its pre-training"),
         *("z1 to z6, read alone", "harder, read alone", "kept out of its pools"),
         *("rows of z1 to z6 met, up to names", "of harder", "of wider"),
     )
@@ -173,7 +175,7 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         rows += [(name, "read alone", *_worst(alone)), (name, "beside the robot", *_worst(beside))]
         tasks = tuple(f"{task} ({name})" for task in suites.ZONE_Z)
         renamed |= {of: done[task] for of, task in zip(tasks, suites.ZONE_Z, strict=True)}
-        bars.append(Bar(f"success, mean of z1 to z6, by text alone: {name}", tasks, least=0.95))
+        bars.append(Bar(f"success, mean of z1 to z6, by its formula alone: {name}", tasks, least=0.95))
         if (well := alone >= WELL_READ).any():
             acting.append(f"{name} {beside[well].mean():.3f} ({well.sum()} of {well.size})")
         if own := own_family(runs[agent]):
@@ -183,9 +185,9 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         return ""
     explained = (
         "Agents that know of the task by its formula alone: what their codes read where nothing is to be done but to "
-        "read, and what they carry out beside the robot; means over seeds, and the worst seed. A formula that is not "
-        "carried out even alone is not read well enough; one that is, and is missed beside the robot, is lost between "
-        "the code and the motion."
+        "read, and what they carry out beside the robot; means over seeds, and the worst seed. To be carried out alone "
+        "is little: there a detour costs nothing, so that a code which leads astray at first also comes to success. "
+        "What is missed beside the robot may be lost in reading or in acting."
     )
     if acting:
         explained += (

@@ -142,7 +142,7 @@ NO_GOALS = (
 
 
 def _tells_no_goals(run: Stored) -> bool:
-    """Whether the look-ahead of a run in WaterWorld counts letters of several balls."""
+    """Whether look-ahead of a run in WaterWorld counts letters of several balls."""
     learner: Any = run.config.learner
     encoder = learner.network.task_encoder
     return (
@@ -231,9 +231,11 @@ def _measured(of: Mapping[str, Any], bar: Bar) -> tuple[float, str]:
 
 
 OTHER_CODES = {
-    "broad-lookahead": "off the table",
-    "broad-gru": "a GRU's",
-    "broad-transformer": "a Transformer's",
+    "broad-lookahead": "look-ahead",
+    "broad-automaton": "automaton's",
+    "broad-gru": "GRU's",
+    "broad-rgcn": "R-GCN's",
+    "broad-transformer": "Transformer's",
 }
 """Codes that the README tells of, read by one layer."""
 
@@ -263,14 +265,14 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     parts = (
         "*One agent of the open ZoneEnv.",
         "It reads codes off the table and merges lidars by them.",
-        "Settings were chosen on other formulas, after results on these were known.",
+        "Settings were chosen on others, after results on these.",
         f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
         f"(DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')});",
         f"on {weakest}, the weakest of {len(rest)} others: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",
         f"on twelve discs in turn: {rates['reach_12']:.2f}.",
         f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames took {run.train_seconds:.0f} s,",
         f"and {run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.",
-        f"Where one layer learns to read the code, on z1 to z6 and on those {len(rest)}:",
+        f"Lidars gated by a code, z1 to z6 and those {len(rest)}:",
         f"{_of_codes(runs, OTHER_CODES)}.*",
     )
     return " ".join(parts)
