@@ -51,8 +51,7 @@ register_config(
 
 # One agent for every task of an environment. The code of a task is read off its table, so that nothing but moving is to
 # be learned; objects are merged by what they are to the task, so that names make no difference. Tasks are
-# chains, and two chains that are to be carried out together, half of each but in ZoneEnv. Tasks that tests ask for are
-# kept out.
+# chains, and two chains that are to be carried out together, half of each but in ZoneEnv. Those of tests are kept out.
 SMALL = PPOConfig(
     network=NetworkConfig(task_encoder=LookaheadConfig(farther=True), state=MergedConfig(), env_layers=(256, 128)),
     num_envs=2048,

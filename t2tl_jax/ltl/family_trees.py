@@ -88,7 +88,7 @@ class Chains(TaskFamily):
     reached."""
 
     def __post_init__(self) -> None:
-        _check_ranges(self, depth=(1, MAX_DEPTH), reach=(1, MAX_SET), avoid=(0, MAX_SET))
+        check_ranges(self, depth=(1, MAX_DEPTH), reach=(1, MAX_SET), avoid=(0, MAX_SET))
         _check_most("the goals of chains", len(self.goals), "MAX_SET", MAX_SET)
         for name, goal in self._goals(()).items():
             temporal = next((node.op for node in goal.nodes() if node.op not in ("prop", "and", "or", "not")), None)
@@ -155,7 +155,7 @@ class _Several(TaskFamily):
     """Parts, each drawn by itself."""
 
     def __post_init__(self) -> None:
-        _check_ranges(self, count=(1, MAX_COUNT))
+        check_ranges(self, count=(1, MAX_COUNT))
         _check_tree(self)
 
     def least(self) -> int:
@@ -300,7 +300,8 @@ def _subsets(names: Sequence[str], sizes: Range) -> Iterator[frozenset[str]]:
     return (frozenset(chosen) for size in range(sizes[0], sizes[1] + 1) for chosen in combinations(names, size))
 
 
-def _check_ranges(family: TaskFamily, **bounds: Range) -> None:
+def check_ranges(family: TaskFamily, **bounds: Range) -> None:
+    """Raise an ``LTLError`` for a field of a family that is no range within its bounds, both of which it may reach."""
     for name, (lowest, highest) in bounds.items():
         low, high = getattr(family, name)
         if not lowest <= low <= high:

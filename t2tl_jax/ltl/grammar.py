@@ -14,13 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 
-from t2tl_jax.ltl.errors import LTLError
 from t2tl_jax.ltl.families import TaskFamily, name_family
+from t2tl_jax.ltl.family_trees import MAX_SET, Range, check_ranges
 from t2tl_jax.ltl.formula import Formula, eventually, prop, until
 from t2tl_jax.registry import register_task_family
 
 MAX_OPERATORS = 50
-"""Most eventuallys and untils of a formula, and most propositions of a state."""
+"""Most eventuallys and untils of a formula."""
 
 GROWS = 0.35
 """How often a state that may have one more proposition has it."""
@@ -35,16 +35,13 @@ class Grammar(TaskFamily):
     from the start.
     """
 
-    operators: tuple[int, int] = (1, 5)
+    operators: Range = (1, 5)
     """Eventuallys and untils of a formula, together."""
-    state: tuple[int, int] = (1, 3)
+    state: Range = (1, 3)
     """Propositions of a state, as far as there are so many: one of them is to hold, or none of them."""
 
     def __post_init__(self) -> None:
-        for name, most in (("operators", MAX_OPERATORS), ("state", MAX_OPERATORS)):
-            low, high = getattr(self, name)
-            if not 1 <= low <= high <= most:
-                raise LTLError(f"{name} is a range from 1 to {most}, the smaller number first, got {low} to {high}")
+        check_ranges(self, operators=(1, MAX_OPERATORS), state=(1, MAX_SET))
 
     def least(self) -> int:
         """As many propositions as the smallest state has."""

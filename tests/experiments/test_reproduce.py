@@ -50,13 +50,10 @@ def test_every_run_has_a_configuration_at_either_scale(runs, scale):
 
 
 def test_runs_that_are_compared_differ_in_what_they_say(runs):
-    """One configuration under two names would be one run shown as two, unless seeds differ, or it is called a
-    repetition."""
+    """One configuration under two names would be one run shown as two, unless seeds differ."""
     seen: dict = {}
     for name, run in runs.items():
-        if name.endswith("-again"):
-            assert run == runs[name.removesuffix("-again")]
-        elif run.config is not None:
+        if run.config is not None:
             key = (repr(run.config), run.before, run.seeds, run.first_seed)
             assert key not in seen, (name, seen[key])
             seen[key] = name

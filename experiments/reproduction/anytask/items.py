@@ -20,13 +20,7 @@ _CODES = tuple(
         *(f"-broad-{code}" for code in (*WITHOUT_PARAMETERS, *LEARNED)),
     )
 )
-_PRETRAINED = tuple(
-    f"any-pretraining-{name}"
-    for name in (
-        *LEARNED,
-        *(f"broad-{code}" for code in LEARNED),
-    )
-)
+_PRETRAINED = tuple(f"any-pretraining-{broad}{code}" for broad in ("", "broad-") for code in LEARNED)
 _MEMORIES = tuple(f"any-memory-{name}" for name in MEMORIES)
 
 ANY_ITEMS: dict[str, Item] = {

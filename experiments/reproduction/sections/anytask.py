@@ -261,11 +261,11 @@ def in_short(runs: Mapping[str, Stored]) -> str:
 
     genz = ZONES["GenZ-LTL"][weakest].success
     hardware = ", ".join(sorted({name.replace("NVIDIA ", "") for name in run.versions["devices"]}))
-    alone = "alone" if run.status.get("alone") else "while others trained on the same host"
+    alone = "alone" if run.status.get("alone") else "beside others on its host"
     parts = (
         "*One agent of the open ZoneEnv.",
         "It reads codes off the table and merges lidars by them.",
-        "Settings were chosen on others, after results on these.",
+        "Settings were chosen on other formulas, knowing results on these.",
         f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
         f"(DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')});",
         f"on {weakest}, the weakest of {len(rest)} others: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",
