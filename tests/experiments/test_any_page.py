@@ -197,7 +197,9 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
 
     def figures(run: SimpleNamespace) -> dict[str, Any]:
         rates = zip(asked, success[run.name], strict=True)
-        return {task: {anycodes.SAMPLED: {"success_rate": values}} for task, values in rates}
+        return {
+            task: {anycodes.SAMPLED: {"success_rate": values, "success_length": 10 * values}} for task, values in rates
+        }
 
     monkeypatch.setattr(anycodes, "figures", figures)
     monkeypatch.setattr(anycodes, "own_family", lambda run: dict.fromkeys(run.seeds, 0.25) if families else {})
@@ -209,6 +211,8 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     assert "family" not in anycodes.text_alone(runs)
     first = next(line for line in said.splitlines() if "beside the robot |" in line)
     assert first.split(" | ")[3] == f"{alone[1].mean() / 2:.2f} ({alone[1].min() / 2:.2f})"
+    alone_steps = next(line for line in said.splitlines() if "read alone, steps |" in line)
+    assert alone_steps.split(" | ")[3] == f"{10 * alone[1].mean():.1f}"
     assert "**not reached**" in said
     success[agent] = np.full((len(asked), 4), 0.96)
     assert "**not reached**" not in anycodes.text_alone(runs)
