@@ -121,7 +121,7 @@ def any_runs() -> dict[str, Run]:
 
 def _headline() -> dict[str, Run]:
     zone = _without(named_config("zones_any"), ZONE_TESTS)
-    walls = _with(_base(suites.WALLS.tasks), {"anneal_learning_rate": True}, {"task_encoder": _room_for(10)})
+    walls = _with(_base(suites.WALLS.tasks), {"anneal_learning_rate": True}, {"task_encoder": MERGED["lookahead"]})
     walls = replace(walls, env=ZoneConfig(layout="random"), frames=20_000_000)
     letters = _without(named_config("letters_any"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
     water = _without(named_config("water_any"), suites.WATER.tasks)
@@ -156,9 +156,7 @@ def _broad() -> dict[str, Run]:
     """One task family, world, budget and network with every code: lidars are gated by weights that one layer reads off
     the code, whatever it is. Codes that speak of each colour by itself also merge them, which takes any number."""
     base = replace(_base(ZONE_TESTS), task=BROAD, frames=BROAD_FRAMES)
-    base = _with(
-        base, {"learning_rate": 1e-3, "anneal_learning_rate": True}, {"state": GatedConfig(), "env_layers": (256, 128)}
-    )
+    base = _with(base, {"learning_rate": 1e-3, "anneal_learning_rate": True}, {"state": GatedConfig()})
     merged = _with(base, network={"state": MergedConfig()})
     new = {
         f"any-zones-broad-{name}-merged": _run(
@@ -206,8 +204,8 @@ def _encoders() -> dict[str, Run]:
     tested: dict[str, Any] = {"suites": (suites.ZONES,)}
     coloured: dict[str, Any] = {"suites": (suites.ZONES, *suites.MORE_COLOURS)}
     new = {
-        "any-zones-lookahead-merged": _run(_encoder(base, _room_for(10)), ENCODER_SEEDS, **coloured),
-        "any-zones-roles-merged": _run(_encoder(base, RolesConfig(propositions=10)), ENCODER_SEEDS, **coloured),
+        "any-zones-lookahead-merged": _run(_encoder(base, MERGED["lookahead"]), ENCODER_SEEDS, **coloured),
+        "any-zones-roles-merged": _run(_encoder(base, MERGED["roles"]), ENCODER_SEEDS, **coloured),
     }
     for name, encoder in WITHOUT_PARAMETERS.items():
         new[f"any-zones-{name}"] = _run(_encoder(flat, encoder), ENCODER_SEEDS, **tested)
@@ -280,11 +278,6 @@ def _pretraining(encoder: TaskEncoderConfig) -> Config:
         convergence=ConvergenceConfig(),
         selection=SelectionConfig(points=0),
     )
-
-
-def _room_for(colours: int) -> LookaheadConfig:
-    """The look-ahead with room for more colours than the world of the training has."""
-    return LookaheadConfig(propositions=colours, farther=True)
 
 
 def _encoder(config: Config, encoder: TaskEncoderConfig) -> Config:

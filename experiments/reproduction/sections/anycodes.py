@@ -26,7 +26,7 @@ READERS = {f"{BROAD}{code}": f"{PRETRAINED}broad-{code}" for code in ("transform
 """Agents whose codes were learned, and the runs that trained these, seed by seed."""
 
 FROM_TABLE = f"{BROAD}automaton"
-"""The one of them whose code is read off the table; the others know of the task by its formula alone."""
+"""The one of them whose code is made of the table's transitions; the others know of the task by its formula alone."""
 
 AGAINST_TABLE = [(f"{BROAD}lookahead", f"{BROAD}{code}") for code in LEARNED]
 """A code that is read off the table, and those that were learned."""
@@ -162,7 +162,7 @@ def read_alone(runs: Mapping[str, Stored]) -> str:
 
 
 def text_alone(runs: Mapping[str, Stored]) -> str:
-    """What agents come to that read formulas, by formula, beside what their codes come to read alone."""
+    """What agents come to whose codes were learned, by formula, beside what the codes come to read alone."""
     asked = (*suites.ZONE_Z, *suites.ZONE_HARD)
     rows: list[tuple[str, ...]] = []
     renamed: dict[str, Any] = {}

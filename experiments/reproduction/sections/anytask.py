@@ -142,7 +142,7 @@ NO_GOALS = (
 
 
 def _tells_no_goals(run: Stored) -> bool:
-    """Whether look-ahead of a run in WaterWorld counts letters of several balls."""
+    """Whether the look-ahead of a run in WaterWorld counts letters of several balls."""
     learner: Any = run.config.learner
     encoder = learner.network.task_encoder
     return (
