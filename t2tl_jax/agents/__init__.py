@@ -3,6 +3,6 @@
 Importing this package registers them, and the task encoders with them.
 """
 
-from t2tl_jax.agents import dqn, ppo
+from t2tl_jax.agents import dp, dqn, ppo
 
-__all__ = ["dqn", "ppo"]
+__all__ = ["dp", "dqn", "ppo"]

@@ -15,6 +15,7 @@ import optax
 from brax.envs.base import State
 from flax import struct
 
+from t2tl_jax.agents.acting import acting_of
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.agents.ppo_learning import Batch, by_time, in_segments, minibatch_order, misaligned, ppo_loss
 from t2tl_jax.agents.row_codes import make_codes
@@ -103,29 +104,6 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         partial(apply, method="embed"),
         partial(apply, method="embed_rows"),
     )
-
-    def act(
-        params: Params,
-        embedding: jax.Array,
-        carry: Carry,
-        obs: jax.Array,
-        row: jax.Array,
-        key: jax.Array,
-        deterministic: bool,
-    ) -> jax.Array:
-        distribution = apply(params, obs, embedding[row], carry, method="policy")
-        return distribution.mode() if deterministic else distribution.sample(key)[0]
-
-    def compare(
-        params: Params, carry: Carry, obs: jax.Array, task: jax.Array, other: jax.Array
-    ) -> tuple[jax.Array, jax.Array]:
-        (policy, value), (other_policy, other_value) = (
-            apply(params, obs, jnp.broadcast_to(code, (len(obs), *code.shape)), carry) for code in (task, other)
-        )
-        return policy.kl(other_policy), other_value - value
-
-    def value(params: Params, embedding: jax.Array, carry: Carry, obs: jax.Array, row: jax.Array) -> jax.Array:
-        return apply(params, obs, embedding[row], carry, method="value")
 
     def begin_all(env_params: TaskParams, key: jax.Array) -> Episode:
         return begin(env, env_params, key, config.num_envs, episode_length, config.staggered_start)
@@ -326,17 +304,18 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         )
         return new_state, replace(metrics, scalars=jax.tree.map(jnp.mean, scalars) | metrics.scalars)
 
+    acting = acting_of(apply)
     return Agent(
         init=init,
         iterate=iterate,
         embed=embed,
-        act=act,
+        act=acting.act,
         frames_per_iteration=config.frames_per_iteration,
         begin=begin_carry,
         remember=remember,
         restart=restart,
-        compare=compare,
-        value=value,
+        compare=acting.compare,
+        value=acting.value,
         num_envs=config.num_envs,
     )
 

@@ -85,7 +85,8 @@ def _classes(next_row: np.ndarray, verdict: np.ndarray) -> np.ndarray:
     state, count = np.unique(verdict, return_inverse=True)[1], 0
     while count < (count := int(state.max()) + 1):
         signature = np.column_stack([state, state[next_row]])
-        state = np.unique(signature, axis=0, return_inverse=True)[1].reshape(-1)
+        numbers: dict[bytes, int] = {}  # for tables of a few rows much faster than to sort them
+        state = np.array([numbers.setdefault(row.tobytes(), len(numbers)) for row in signature])
     return state
 
 

@@ -88,12 +88,16 @@ class RunConfig:
     reward machines nothing of this counts."""
     table_length: Count = 0
     """The same for the tokens of a row. An encoder that reads padding does not take it."""
+    pool_processes: Count = 0
+    """Processes that draw the tables of random tasks ahead of time, for pools that change faster than one core draws
+    them; 0 for a thread. A script that sets it does its work under `if __name__ == "__main__":`. Of a curriculum
+    nothing of this counts: it decides late what to draw."""
 
     def __post_init__(self) -> None:
         if not self.checkpoint_period >= 0:  # inf is fine: none but the one at the end
             raise ValueError(f"checkpoint_period is in seconds and not negative, got {self.checkpoint_period}")
         names = ("evaluation_episodes", "devices_per_seed", "seeds_at_once", "table_rows", "table_length")
-        checks.counts(self, *names, least=0)
+        checks.counts(self, *names, "pool_processes", least=0)
 
 
 @dataclass(frozen=True)

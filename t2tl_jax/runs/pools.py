@@ -3,11 +3,10 @@
 from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
 from itertools import islice
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import (
     AT_MOST_ONE,
     Curriculum,
@@ -35,6 +34,21 @@ from t2tl_jax.runs.lessons import Lesson
 LessonOf: TypeAlias = Callable[[int], Lesson]
 """What each pool is drawn from, by its number."""
 
+
+class Letters(Protocol):
+    """What tables are to know of an environment."""
+
+    @property
+    def propositions(self) -> tuple[str, ...]:
+        """Names of the propositions, in their order."""
+        ...
+
+    @property
+    def alphabet(self) -> str:
+        """Which of them can be true together."""
+        ...
+
+
 DRAWS_PER_POOL = 10
 """How often a pool is drawn until its formulas fit into the table; after that, the first pool comes again."""
 
@@ -48,7 +62,7 @@ class Pools:
     languages are, however they are written. Tasks that are held out by name share no row at all with training.
     """
 
-    def __init__(self, config: Config, env: LabelledEnv) -> None:
+    def __init__(self, config: Config, env: Letters) -> None:
         self._config, self._env = config, env
         self._draw = lru_cache(maxsize=4)(self._drawn)  # the one before, the present one and the next one
         self._held_out = cache(lambda: kept_out(config, env))
@@ -129,7 +143,7 @@ class Pools:
         return _pool(self._config, self._env, "evaluation", least=1, unlike=trained_on)
 
 
-def kept_out(config: Config, env: LabelledEnv) -> frozenset[Language]:
+def kept_out(config: Config, env: Letters) -> frozenset[Language]:
     """The rows that training is not to meet, up to renaming of propositions: all of some tasks, the first of others."""
     names, alphabet, rows = env.propositions, env.alphabet, frozenset[Language]()
     if config.pool.held_out:
@@ -141,7 +155,7 @@ def kept_out(config: Config, env: LabelledEnv) -> frozenset[Language]:
     return rows
 
 
-def make_table(config: Config, env: LabelledEnv) -> TaskTable:
+def make_table(config: Config, env: Letters) -> TaskTable:
     """Compile the task of a configuration for an environment; of a family, a pool to evaluate on.
 
     Raises:
@@ -161,7 +175,7 @@ def make_table(config: Config, env: LabelledEnv) -> TaskTable:
     return table
 
 
-def _with_room(config: Config, formula: Formula, env: LabelledEnv) -> TaskTable:
+def _with_room(config: Config, formula: Formula, env: Letters) -> TaskTable:
     """A table that has room for larger formulas."""
     run, reader = config.run, config.learner.task_encoder
     if run.table_length and reader is not None and reader.reads_padding:
@@ -175,7 +189,7 @@ def _with_room(config: Config, formula: Formula, env: LabelledEnv) -> TaskTable:
         raise TooLargeError(f"{config.task}: {error}; set run.table_rows and run.table_length to more, or 0") from None
 
 
-def make_pools(config: Config, env: LabelledEnv) -> Pools | None:
+def make_pools(config: Config, env: Letters) -> Pools | None:
     """The pools of a family; None for any other task.
 
     Raises:
@@ -251,7 +265,7 @@ def _listed(family: TaskFamily, propositions: Sequence[str]) -> list[Formula]:
 
 
 def _pool(
-    config: Config, env: LabelledEnv, which: str, family: str | TaskFamily | None = None, **options: Any
+    config: Config, env: Letters, which: str, family: str | TaskFamily | None = None, **options: Any
 ) -> TaskTable:
     """One pool of the family of a configuration, or of another one."""
     reader = config.learner.task_encoder

@@ -1,21 +1,28 @@
-"""Work for the host, done ahead of time in a thread while the device trains."""
+"""Work for the host, done ahead of time in a thread, or in several processes, while the device trains."""
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
 
 class Prefetch(Generic[T]):
-    """``make(0)``, ``make(1)``, ...: after one has been asked for, the next one is made. Use as a context manager.
+    """``make(0)``, ``make(1)``, ...: after one has been asked for, the next ones are made. Use as a context manager.
 
     Where that is not known yet, `knows(number)` says so, and `prepare` begins it later.
     """
 
-    def __init__(self, make: Callable[[int], T], knows: Callable[[int], bool] = lambda number: True) -> None:
-        self._make, self._knows = make, knows
-        self._executor = ThreadPoolExecutor(max_workers=1)
+    def __init__(
+        self,
+        make: Callable[[int], T],
+        knows: Callable[[int], bool] = lambda number: True,
+        executor: Executor | None = None,
+        ahead: int = 1,
+    ) -> None:
+        """By `executor`, which ends with this, `ahead` of them at a time; by default in a thread, one at a time."""
+        self._make, self._knows, self._most = make, knows, ahead
+        self._executor = executor or ThreadPoolExecutor(max_workers=1)
         self._ahead: dict[int, Future[T]] = {}
 
     def __enter__(self) -> "Prefetch[T]":
@@ -27,8 +34,10 @@ class Prefetch(Generic[T]):
     def get(self, number: int) -> T:
         """What ``make(number)`` returns or raises."""
         value = self._start(number).result()
-        self._ahead = {ahead: made for ahead, made in self._ahead.items() if ahead == number + 1}
-        self.prepare(number + 1)
+        last = number + self._most
+        self._ahead = {ahead: made for ahead, made in self._ahead.items() if number < ahead <= last}
+        for ahead in range(number + 1, last + 1):
+            self.prepare(ahead)
         return value
 
     def prepare(self, number: int) -> None:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from t2tl_jax.errors import UserError
-from t2tl_jax.ltl import Curriculum
-from t2tl_jax.runs import chunks, faults, loop, pretraining
+from t2tl_jax.ltl import Curriculum, TaskTable
+from t2tl_jax.runs import chunks, faults, loop, pool_workers, pretraining
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 from t2tl_jax.runs.compilation import Compiled
@@ -23,6 +23,7 @@ from t2tl_jax.runs.interrupts import Interrupted, Stoppable
 from t2tl_jax.runs.lessons import Lesson, Lessons
 from t2tl_jax.runs.loggers import CSVLogger
 from t2tl_jax.runs.metrics_file import MetricsFileError, history, lines_up_to
+from t2tl_jax.runs.pools import LessonOf, Pools
 from t2tl_jax.runs.prefetch import Prefetch
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.rows import Rows, make_rows
@@ -268,6 +269,18 @@ class Training:
         """The parameters of the seeds themselves, on the host."""
         return self.experiment.program.unpadded(state.params)
 
+    def _pools_ahead(self, tables: Pools | None, lesson_of: LessonOf) -> Prefetch[TaskTable]:
+        """The tables of random tasks, made ahead of time."""
+        experiment, lessons, run = self.experiment, self.lessons, self.experiment.config.run
+        if tables is None:
+            return Prefetch(lambda number: experiment.table)
+        if lessons is not None:
+            return Prefetch(lambda number: tables.training(number, lesson_of), knows=lessons.knows)
+        if run.pool_processes:
+            workers = pool_workers.executor(experiment.config, experiment.env)
+            return Prefetch(pool_workers.draw, executor=workers, ahead=2 * run.pool_processes)
+        return Prefetch(tables.training)
+
     def _iterate(self, compiled: Compiled, state: Any, recorders: Sequence[Callback]) -> Any:
         """Train from where the run stands to its end, or to a reason to stop, and return the last state.
 
@@ -278,10 +291,7 @@ class Training:
         env_params = program.env_params
         tables, lessons = experiment.pools, self.lessons
         lesson_of = lessons.of if lessons is not None else lambda number: Lesson()
-        pools = Prefetch(
-            lambda number: experiment.table if tables is None else tables.training(number, lesson_of),
-            knows=lambda number: lessons is None or lessons.knows(number),
-        )
+        pools = self._pools_ahead(tables, lesson_of)
         maps = Prefetch(experiment.maps)
         optima: dict[int, list[float]] = {}
         begin = time.monotonic()
