@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeAlias
 
 from envs.zones import ZoneConfig
 from experiments.reproduction.anytask.suites import Suite
+from t2tl_jax.agents.dp_config import DPConfig
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.runs.config import Config, RunConfig
@@ -96,6 +97,8 @@ def cost(run: Run) -> float:
     if run.config is None:
         return 0.0
     learner: Any = run.config.learner
+    if isinstance(learner, DPConfig):  # no steps, and gradient steps over the rows of one table
+        return run.config.frames / learner.minibatch_size
     steps = run.config.frames / learner.num_envs
     if isinstance(learner, PPOConfig):
         updates = learner.epochs * run.config.frames / learner.minibatch_size
@@ -138,6 +141,8 @@ def _small(config: Config) -> Config:
         learner = replace(
             learner, network=network, num_envs=4, unroll_length=32, batch_size=8, buffer_size=512, learning_starts=32
         )
+    elif isinstance(learner, DPConfig):
+        learner = replace(learner, network=network, minibatch_size=32)
     env = config.env
     if isinstance(env, ZoneConfig):
         env = replace(env, physics="closed_form")
@@ -149,7 +154,7 @@ def _small(config: Config) -> Config:
         episode_length=min(config.episode_length, 40),
         seeds=_listed(parse_seeds(config.seeds)[:2]),
         pool=replace(config.pool, size=2),
-        run=replace(config.run, evaluation_episodes=2),
+        run=replace(config.run, evaluation_episodes=2, pool_processes=min(config.run.pool_processes, 1)),
     )
 
 

@@ -4,7 +4,7 @@ from functools import partial
 
 from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
-from experiments.reproduction.anytask.runs import LEARNED, MEMORIES, MERGED, WITHOUT_PARAMETERS
+from experiments.reproduction.anytask.runs import LEARNED, MEMORIES, MERGED, TEXTS, WITHOUT_PARAMETERS
 from experiments.reproduction.plan import Item
 from experiments.reproduction.sections import anycodes, anymemory, anytask
 
@@ -18,9 +18,13 @@ _CODES = tuple(
         *("-roles-merged", "-names", "-nothing", "-transformer-fresh"),
         *(f"-broad-{code}-merged" for code in MERGED),
         *(f"-broad-{code}" for code in (*WITHOUT_PARAMETERS, *LEARNED)),
+        *(f"-solved-{code}" for code in TEXTS),
     )
 )
-_PRETRAINED = tuple(f"any-pretraining-{broad}{code}" for broad in ("", "broad-") for code in LEARNED)
+_PRETRAINED = (
+    *(f"any-pretraining-{broad}{code}" for broad in ("", "broad-") for code in LEARNED),
+    *(f"any-pretraining-solved-{code}" for code in TEXTS),
+)
 _MEMORIES = tuple(f"any-memory-{name}" for name in MEMORIES)
 
 ANY_ITEMS: dict[str, Item] = {
