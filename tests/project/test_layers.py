@@ -42,6 +42,8 @@ MAY_IMPORT = {
     "t2tl_jax.networks.task_encoder": {"t2tl_jax.ltl"},
     "t2tl_jax.training": LEARNING,
     "t2tl_jax.agents": LEARNING | {"t2tl_jax.networks"},
+    # The one learner that knows its world, which it solves.
+    "t2tl_jax.agents.dp": LEARNING | {"t2tl_jax.agents", "t2tl_jax.networks", "t2tl_jax.single_state"},
     "t2tl_jax.evaluation": LEARNING | {"t2tl_jax.view"},
     # What a network attends to is asked of the network itself.
     "t2tl_jax.evaluation.attention": LEARNING | {"t2tl_jax.evaluation", "t2tl_jax.networks"},
