@@ -8,7 +8,10 @@ characters for each program that it reads from the compilation cache: it finds f
 import contextlib
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 XLA_LOG_LEVEL = "TF_CPP_MIN_LOG_LEVEL"
 """Read by XLA when it is loaded; 3 leaves what ends the process. Errors of a program are exceptions in any case."""
@@ -31,3 +34,24 @@ def quiet_imports() -> Iterator[None]:
         for line in heard.getvalue().splitlines():
             if not line.startswith(NOISE):
                 print(line)
+
+
+@dataclass(frozen=True)
+class ImportedQuietly:
+    """What another process is sent in place of a function of a module: there it becomes this function, and the module
+    is imported without those lines. What is sent after it may be of any module that this one imports."""
+
+    module: str
+    name: str
+
+    def __reduce__(self) -> tuple[Callable[[str, str], Any], tuple[str, str]]:
+        return _imported, (self.module, self.name)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """The same where nothing was sent."""
+        return _imported(self.module, self.name)(*arguments)
+
+
+def _imported(module: str, name: str) -> Any:
+    with quiet_imports():
+        return getattr(import_module(module), name)

@@ -20,6 +20,7 @@ class Words(Callback):
         """`started` is when the process began, by ``time.monotonic``; `what` heads the plan."""
         self._started, self._what = started, what
         self._times: list[float] = []
+        self._played = False
 
     def on_plan(self, progress: TrainingProgress) -> None:
         """What will be trained, on what, for how long."""
@@ -38,11 +39,12 @@ class Words(Callback):
 
     def on_iteration(self, progress: TrainingProgress, rows: Sequence[Row]) -> None:
         """Remember when that was."""
+        self._played |= any(row["episodes"] for row in rows)
         self._times.append(time.monotonic() - self._started)
 
     def on_end(self, progress: TrainingProgress) -> None:
-        """Since when it succeeds."""
-        if progress.done > progress.started_from:
+        """Since when it succeeds; nothing where no episode is played."""
+        if progress.done > progress.started_from and self._played:
             print(self._success(progress), flush=True)
 
     def _success(self, progress: TrainingProgress) -> str:

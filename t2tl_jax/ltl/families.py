@@ -145,6 +145,11 @@ def named_families() -> dict[str, TaskFamily]:
     return dict(_NAMED)
 
 
+def modules_of_families() -> tuple[str, ...]:
+    """Where the functions of the others are; another process that imports these modules knows the families too."""
+    return tuple(dict.fromkeys(family.draw.__module__ for family in _FAMILIES.values()))
+
+
 def sample(name: str | TaskFamily, propositions: Sequence[str], seed: int) -> Formula:
     """Draw one task of a family; equal arguments give equal tasks."""
     return make_sampler(name, propositions)(random.Random(seed))

@@ -7,33 +7,39 @@ import os
 import signal
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from importlib import import_module
 from multiprocessing import connection, get_context, parent_process
 from threading import Thread
 
 import jax
 import numpy as np
 
-from t2tl_jax.ltl import TaskTable
+from t2tl_jax.ltl import TaskFamily, TaskTable, name_family, named_families
+from t2tl_jax.ltl.families import modules_of_families
+from t2tl_jax.quiet import ImportedQuietly
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import Letters, Pools
 
 
 @dataclass(frozen=True)
 class Sent:
-    """What a process is told of the environment."""
+    """What a process is told of the environment, and of the families that this one knows."""
 
     propositions: tuple[str, ...]
     alphabet: str
+    families: dict[str, TaskFamily]
+    modules: tuple[str, ...]
 
 
 def executor(config: Config, env: Letters) -> ProcessPoolExecutor:
     """As many processes as `config.run.pool_processes` says, for `draw`. They end with this process, however it
     ends."""
+    sent = Sent(tuple(env.propositions), env.alphabet, named_families(), modules_of_families())
     return ProcessPoolExecutor(
         max_workers=config.run.pool_processes,
         mp_context=get_context("spawn"),  # a fork would take locks along that other threads of this process hold
-        initializer=_begin,
-        initargs=(config, Sent(tuple(env.propositions), env.alphabet)),
+        initializer=ImportedQuietly(__name__, _begin.__name__),
+        initargs=(config, sent),
     )
 
 
@@ -46,11 +52,16 @@ def draw(number: int) -> TaskTable:
 _pools: list[Pools] = []
 
 
-def _begin(config: Config, env: Letters) -> None:
+def _begin(config: Config, sent: Sent) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever interrupts the run means the process that trains
     Thread(target=_end_with_parent, daemon=True).start()
     jax.config.update("jax_platforms", "cpu")  # accelerators are for the process that trains
-    _pools.append(Pools(config, env))
+    for module in sent.modules:
+        if module != "__main__":  # which every process of a script begins with
+            import_module(module)
+    for name, family in sent.families.items():
+        name_family(name, family)
+    _pools.append(Pools(config, sent))
 
 
 def _end_with_parent() -> None:

@@ -1,8 +1,10 @@
 """Work for the host, done ahead of time in a thread, or in several processes, while the device trains."""
 
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
+
+from t2tl_jax.errors import UserError
 
 T = TypeVar("T")
 
@@ -32,8 +34,19 @@ class Prefetch(Generic[T]):
         self._executor.shutdown(wait=True, cancel_futures=True)
 
     def get(self, number: int) -> T:
-        """What ``make(number)`` returns or raises."""
-        value = self._start(number).result()
+        """What ``make(number)`` returns or raises.
+
+        Raises:
+            UserError: if a process of the executor has ended, so that no more is made.
+        """
+        try:
+            value = self._start(number).result()
+        except BrokenExecutor as error:
+            raise UserError(
+                "a process that draws random tasks has ended before its work was done: for lack of memory maybe, or "
+                'because the script that trains does not do so under `if __name__ == "__main__":`. The run can be '
+                "resumed from its last checkpoint with another number of processes (run.pool_processes; 0 for none)"
+            ) from error
         last = number + self._most
         self._ahead = {ahead: made for ahead, made in self._ahead.items() if number < ahead <= last}
         for ahead in range(number + 1, last + 1):

@@ -1,0 +1,151 @@
+"""Pools that several processes draw: the same ones, the same training, and processes that never outlive it."""
+
+import dataclasses
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+import t2tl_jax
+from t2tl_jax.agents.dp_config import DPConfig
+from t2tl_jax.errors import UserError
+from t2tl_jax.ltl import Chains, Mixture, Named
+from t2tl_jax.registry import make_env, named_config
+from t2tl_jax.runs import pool_workers
+from t2tl_jax.runs.config import PoolConfig, RunConfig, SelectionConfig
+from t2tl_jax.runs.convergence import ConvergenceConfig
+from t2tl_jax.runs.pools import make_pools
+from tests.agents.sizes import GRAPH
+from tests.fake_runs import StopAfter
+
+PRETRAINING = named_config("pretrain_zone")
+CONFIG = dataclasses.replace(
+    PRETRAINING,
+    task=Mixture((Chains(depth=(1, 2)), Named("Until_1_2_1_1"))),
+    learner=DPConfig(dataclasses.replace(PRETRAINING.learner.network, task_encoder=GRAPH), minibatch_size=16),
+    pool=PoolConfig(size=4, rows=48, length=32, period=1),
+    frames=160,
+    convergence=ConvergenceConfig(),
+    selection=SelectionConfig(points=0),
+    run=RunConfig(evaluation_episodes=0, gif=False, progress=False, pool_processes=2),
+)
+TESTS = Path(__file__).parents[1]
+
+
+def assert_equal(one, other):
+    jax.tree.map(np.testing.assert_array_equal, one, other)
+
+
+@pytest.mark.slow
+def test_processes_draw_the_pools_of_their_numbers():
+    env = make_env(CONFIG.env)
+    pools = make_pools(CONFIG, env)
+    with pool_workers.executor(CONFIG, env) as workers:
+        drawn = list(workers.map(pool_workers.draw, range(4)))
+    for number, table in enumerate(drawn):
+        assert_equal(table, pools.training(number))
+    assert len({table.tokens.tobytes() for table in drawn}) == 4
+
+
+@pytest.mark.slow
+def test_a_run_is_the_same_whoever_draws_and_so_is_one_that_was_stopped(tmp_path, begins_quickly):
+    """Five iterations, each with its pool; one run has a thread, one two processes, and one those after a stop."""
+    thread = dataclasses.replace(CONFIG, run=dataclasses.replace(CONFIG.run, pool_processes=0))
+    whole = t2tl_jax.train(thread, folder=tmp_path / "thread")
+    assert whole.iteration == 5
+    part = t2tl_jax.train(CONFIG, folder=tmp_path / "processes", callbacks=[StopAfter(2)])
+    assert part.iteration == 2
+    resumed = t2tl_jax.resume(tmp_path / "processes")
+    assert_equal(whole.params["final"], resumed.params["final"])
+    both = [(tmp_path / name / "metrics.csv").read_text() for name in ("thread", "processes")]
+    assert both[0] == both[1] and ",agreement," in both[0]
+
+
+@pytest.mark.slow
+def test_families_of_somebody_else_are_drawn_there_too(monkeypatch):
+    """Registered by a module that the process has imported; its processes import it for themselves."""
+    monkeypatch.syspath_prepend(TESTS / "extension")
+    import somebody.family  # noqa: F401
+
+    config, env = dataclasses.replace(CONFIG, task="Lights"), make_env(CONFIG.env)
+    monkeypatch.setenv("PYTHONPATH", str(TESTS / "extension"), prepend=os.pathsep)
+    with pool_workers.executor(config, env) as workers:
+        assert_equal(workers.submit(pool_workers.draw, 1).result(), make_pools(config, env).training(1))
+
+
+SCRIPT = """
+import time
+from t2tl_jax.quiet import quiet_imports
+
+with quiet_imports():
+    from t2tl_jax.registry import make_env
+    from t2tl_jax.runs import pool_workers
+    from tests.runs.test_pool_workers import CONFIG
+
+if __name__ == "__main__":
+    workers = pool_workers.executor(CONFIG, make_env(CONFIG.env))
+    for made in [workers.submit(pool_workers.draw, number) for number in range(4)]:
+        made.result()
+    print(*workers._processes, flush=True)
+    time.sleep(600)
+"""
+
+
+def lives(process: int) -> bool:
+    status = Path(f"/proc/{process}/status")
+    return status.exists() and "State:\tZ" not in status.read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="processes are looked up in /proc")
+def test_processes_end_with_the_one_that_trains_even_if_it_is_killed(tmp_path):
+    (tmp_path / "script.py").write_text(SCRIPT)
+    root = str(TESTS.parent)
+    with subprocess.Popen(
+        [sys.executable, str(tmp_path / "script.py")], env={**os.environ, "PYTHONPATH": root}, stdout=subprocess.PIPE
+    ) as parent:
+        assert parent.stdout is not None
+        drawing = [int(process) for process in parent.stdout.readline().split()]
+        assert len(drawing) == 2 and all(map(lives, drawing))
+        parent.send_signal(signal.SIGKILL)
+    end = time.monotonic() + 20
+    while any(map(lives, drawing)) and time.monotonic() < end:
+        time.sleep(0.1)
+    assert not any(map(lives, drawing))
+
+
+class KillDrawing(t2tl_jax.Callback):
+    """Kills the processes that draw once an iteration is done, as a machine without memory does."""
+
+    def on_iteration(self, progress, rows):
+        for process in multiprocessing.active_children():
+            process.kill()
+            process.join()
+
+
+@pytest.mark.slow
+def test_a_run_whose_processes_end_says_so_and_can_go_on(tmp_path, begins_quickly):
+    often = dataclasses.replace(CONFIG, frames=640, run=dataclasses.replace(CONFIG.run, checkpoint_period=0.0))
+    with pytest.raises(UserError, match=r"has ended before its work was done.*run\.pool_processes"):
+        t2tl_jax.train(often, folder=tmp_path / "run", callbacks=[KillDrawing()])
+    thread = dataclasses.replace(often.run, pool_processes=0)
+    assert t2tl_jax.resume(tmp_path / "run", run=thread).iteration == 20
+
+
+def test_a_number_of_processes_is_not_negative():
+    with pytest.raises(ValueError, match="pool_processes"):
+        RunConfig(pool_processes=-1)
+
+
+@pytest.mark.slow
+def test_a_pool_that_cannot_be_drawn_is_told_as_without_processes(tmp_path):
+    config = dataclasses.replace(CONFIG, pool=dataclasses.replace(CONFIG.pool, rows=4))
+    with pytest.raises(UserError, match="raise the caps on tokens and rows"):
+        t2tl_jax.train(config, folder=tmp_path / "run")
