@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from t2tl_jax.quiet import quiet_imports
 
 if TYPE_CHECKING:
+    from t2tl_jax.agents.dp import make_dp
+    from t2tl_jax.agents.dp_config import DPConfig
     from t2tl_jax.agents.dqn import make_dqn
     from t2tl_jax.agents.dqn_config import DQNConfig
     from t2tl_jax.agents.ppo import make_ppo
@@ -51,6 +53,7 @@ _HOME = {
     "Callback": "runs.callbacks",
     "Config": "runs.config",
     "ContextConfig": "networks.context",
+    "DPConfig": "agents.dp_config",
     "DQNConfig": "agents.dqn_config",
     "EnvConfig": "env",
     "Formula": "ltl",
@@ -78,6 +81,7 @@ _HOME = {
     "compile_tasks": "ltl",
     "evaluate": "runs.train",
     "load": "runs.train",
+    "make_dp": "agents.dp",
     "make_dqn": "agents.dqn",
     "make_env": "registry",
     "make_ppo": "agents.ppo",
