@@ -74,10 +74,10 @@ def _main(texts: Sequence[str]) -> int:
         from experiments.reproduction.items import GROUPS, ITEMS
         from experiments.reproduction.page import page
         from experiments.reproduction.plan import Scale
-        from experiments.reproduction.runs import AGENTS, all_runs
+        from experiments.reproduction.runs import AGENTS, MAPS, all_runs
         from t2tl_jax.runs.config import RunConfig
         from t2tl_jax.runs.interrupts import StopRequest
-        from t2tl_jax.training.seeds import parse_seeds
+        from t2tl_jax.training.seeds import FIRST_TUNING_SEED, parse_seeds
 
     runs = all_runs()
     words = [name.strip() for name in arguments.only.split(",") if name.strip()] or list(GROUPS)
@@ -103,7 +103,12 @@ def _main(texts: Sequence[str]) -> int:
     if arguments.keep and arguments.scale != "full":
         raise UserError("results of a smoke test are not kept in the repository")
     with explained():
-        parse_seeds(arguments.seeds)
+        seeds = parse_seeds(arguments.seeds)
+    if arguments.keep and max(seeds) >= FIRST_TUNING_SEED:
+        raise UserError(
+            f"--seeds {arguments.seeds}: seeds from {FIRST_TUNING_SEED} on are kept for tuning, and results on them "
+            "are not kept in the repository; take others, such as --seeds 12"
+        )
     if arguments.scale == "smoke":
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
@@ -124,7 +129,10 @@ def _main(texts: Sequence[str]) -> int:
                 any_task = name.startswith("any-")
                 target = (ANY_RESULTS if any_task else RESULTS) / name
                 stored.keep(
-                    name, base / name, target, agent=name in AGENTS, most=stored.MOST_ITERATIONS if any_task else None
+                    *(name, base / name, target),
+                    agent=name in AGENTS,
+                    most=stored.MOST_ITERATIONS if any_task else None,
+                    every_world=runs[name].seeds == MAPS,
                 )
                 stored.keep_sizes(target)
                 met.keep(target, runs[name].suites)

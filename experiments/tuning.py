@@ -34,7 +34,12 @@ TUNED = {
     "zones_any": Tuning("look-ahead", _SEEDS[:4]),
     "flat_any": Tuning("look-ahead", _SEEDS[:4]),
     "water_any": Tuning("look-ahead", _SEEDS[:2]),
-    "rm_water_ql": Tuning("ql", (5, 6, 7, 8)),  # there are maps 1 to 10 alone
+    "waterworld_dqn_paper": Tuning("rm; codes: t1tl", _SEEDS),  # by the settings of waterworld_dqn
+    # There are maps 1 to 10 alone. On which of them crm's learning rate was chosen is not recorded: maybe on any.
+    "rm_water_crm": Tuning("crm", tuple(range(1, 11))),
+    "rm_water_crm_shaped": Tuning("crm", tuple(range(1, 11))),
+    "rm_water_ql": Tuning("ql", (5, 6, 7, 8)),
+    "rm_water_ql_shaped": Tuning("ql", (5, 6, 7, 8)),
 }
 """By named configuration. Of the others no search is known."""
 

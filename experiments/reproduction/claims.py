@@ -7,7 +7,7 @@ import numpy as np
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
 from experiments.worlds import worlds
-from t2tl_jax.evaluation.comparisons import Outcome, Pairs, compare, outcome
+from t2tl_jax.evaluation.comparisons import Difference, Outcome, Pairs, compare, outcome
 from t2tl_jax.evaluation.statistics import CONFIDENCE, Estimate, score_interval
 
 Values = Mapping[str, Mapping[int, float]]
@@ -35,13 +35,7 @@ def differences(
     """
     if unplanned := [pair for pair in claims if pair not in pairs]:
         raise ValueError(f"claims are some of the planned pairs; not among them: {unplanned}")
-    sign = -1.0 if less else 1.0
-    known = {
-        name: {seed: sign * value for seed, value in values[name].items() if np.isfinite(value)}
-        for name in runs
-        if name in values
-    }
-    found = compare(known, {name: worlds(runs[name].config, tuple(runs[name].seeds)) for name in known}, pairs)
+    known, found = compared(runs, pairs, values, less)
     rows = []
     for (first, second), each in found.items():
         claimed = (first, second) in claims
@@ -67,6 +61,19 @@ def differences(
         *(["outcome"] if claims else []),
     ]
     return "\n\n".join((table(heading, rows), _corrected(len(found), len(pairs)) + _left_out(known, values)))
+
+
+def compared(
+    runs: Mapping[str, Stored], pairs: Pairs, values: Values, less: bool = False
+) -> tuple[Values, dict[tuple[str, str], Difference]]:
+    """What `differences` shows: the values that are known, as they are compared, and the differences by pair."""
+    sign = -1.0 if less else 1.0
+    known = {
+        name: {seed: sign * value for seed, value in values[name].items() if np.isfinite(value)}
+        for name in runs
+        if name in values
+    }
+    return known, compare(known, {name: worlds(runs[name].config, tuple(runs[name].seeds)) for name in known}, pairs)
 
 
 def majorities(shares: Mapping[str, Share | None]) -> str:

@@ -5,7 +5,7 @@ from experiments.reproduction import representations
 from experiments.reproduction import runs as named
 from experiments.reproduction.anytask.items import ANY_ITEMS, GROUP
 from experiments.reproduction.plan import Item
-from experiments.reproduction.sections import attention, benchmark, figures, safe, steps, unit_time, widths
+from experiments.reproduction.sections import attention, benchmark, figures, safe, steps, unit_time, water_form, widths
 from experiments.reproduction.sections.ablation import ablation
 from t2tl_jax.evaluation.comparisons import Pairs
 
@@ -36,8 +36,6 @@ def _steps_names() -> tuple[str, ...]:
 
 _READERS = ("transformer", "gnn")
 
-_PAPER_FORM = _names("water-paper-{}", ("t1tl", "t2tl", "gnn", "t1tl-slow"))
-
 _T1TL_PIECES = _names("water-t1tl-{}", ("own-row", "printed-argmax", "random-starts", "per-16", "every-step"))
 _ONE_HOT_PIECES = ("water-dfa", *_names("water-rm-{}", ("printed-argmax", "random-starts", "per-16", "every-step")))
 """What is taken away or changed; without simultaneous learning the one-hot code is dfa."""
@@ -50,7 +48,9 @@ PAPER_ITEMS: dict[str, Item] = {
         smoke=("zone-t2tl", "zone-dfa_number"),
     ),
     "fig-water": Item(
-        "WaterWorld, `phi_water`: six methods", _names("water-{}", named.WATER_METHODS), figures.water_figure
+        "WaterWorld, `phi_water`: six methods",
+        _names("water-{}", (*named.WATER_METHODS, "rm-6")),
+        figures.water_figure,
     ),
     "tables-steps": Item("Steps to complete: sub-goals, obstacles, size of the obstacles", _steps_names(), steps.steps),
     "table-unit-time": Item(
@@ -84,23 +84,27 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "water-form": Item(
         "WaterWorld's learners in the paper's form: encoder trained on, code concatenated",
-        ("water-t1tl", *_PAPER_FORM),
-        ablation(
-            [*_with_each("water-t1tl", _PAPER_FORM), ("water-paper-t1tl-slow", "water-paper-t1tl")],
-            "success_rate",
-            codes=True,
-        ),
-        smoke=("water-t1tl", "water-paper-t1tl-slow"),
+        water_form.RUNS,
+        water_form.water_form,
+        smoke=("water-t1tl", water_form.SLOW),
     ),
     "simultaneous": Item(
         "Simultaneous learning, piece by piece (`phi_water`, T1TL)",
         ("water-t1tl", *_T1TL_PIECES),
-        ablation(_with_each("water-t1tl", _T1TL_PIECES), "success_rate", claims=[("water-t1tl", "water-t1tl-own-row")]),
+        ablation(
+            [*_with_each("water-t1tl", _T1TL_PIECES), ("water-t1tl-per-16", "water-t1tl-every-step")],
+            "success_rate",
+            claims=[("water-t1tl", "water-t1tl-own-row")],
+        ),
     ),
     "simultaneous-one-hot": Item(
         "Simultaneous learning, piece by piece (`phi_water`, one-hot)",
         ("water-rm", *_ONE_HOT_PIECES),
-        ablation(_with_each("water-rm", _ONE_HOT_PIECES), "success_rate", claims=[("water-rm", "water-dfa")]),
+        ablation(
+            [*_with_each("water-rm", _ONE_HOT_PIECES), ("water-rm-per-16", "water-rm-every-step")],
+            "success_rate",
+            claims=[("water-rm", "water-dfa")],
+        ),
     ),
     "water-beginning": Item(
         "WaterWorld's first episodes, which score less than the published ones",

@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from experiments import tuning
 from experiments.fairness import Sizes, sizes
 from experiments.reproduction.portable import portable
 from t2tl_jax.errors import UserError
@@ -20,6 +21,7 @@ from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.metrics_file import area, as_curves, ending, read_columns, write_compressed
 from t2tl_jax.runs.result import Result
+from t2tl_jax.training.seeds import FIRST_TUNING_SEED, parse_seeds
 
 LAST = 0.05
 """Share of a training, at its end, over which final figures are averaged."""
@@ -184,6 +186,7 @@ def keep(
     say: Callable[[str], None] = print,
     repository: Path = REPOSITORY,
     most: int | None = None,
+    every_world: bool = False,
 ) -> None:
     """Copy what the tables need of a finished run into the repository.
 
@@ -196,10 +199,14 @@ def keep(
         repository: the checkout whose history must hold the commit that made the run.
         most: so many iterations of its metrics are kept at most, evenly spaced and as they are, and as many of the last
             part; None for all.
+        every_world: whether its seeds are all the worlds that there are, so that those of a search are among them; the
+            page then says which these are.
 
     Raises:
-        UserError: if it was not made from a commit of this history as it stands.
+        UserError: if it was not made from a commit of this history as it stands, or on seeds that settings were chosen
+            on, or that are kept for that.
     """
+    _check_seeds(name, source, every_world)
     versions = read_json(RunFolder(source).versions)
     for session in (versions["started"], *versions.get("resumed", [])):
         if why := unclean(session):
@@ -256,6 +263,18 @@ def _step(count: int, most: int | None) -> int:
     while most is not None and count > most * step:
         step *= 2
     return step
+
+
+def _check_seeds(name: str, source: Path, every_world: bool) -> None:
+    if every_world or not RunFolder(source).config.is_file():
+        return
+    config = config_files.load(RunFolder(source).config)
+    if used := tuning.tuning_seeds(config, parse_seeds(config.seeds)):
+        raise UserError(
+            f"{name} was made with seeds {tuning.in_words(used)}, on which settings were chosen or which are kept for "
+            f"that (from {FIRST_TUNING_SEED} on); results are kept of others, such as --seeds "
+            f"{tuning.for_report(config)}"
+        )
 
 
 def _check_history(name: str, revision: str, repository: Path) -> None:

@@ -8,6 +8,7 @@ from experiments.reproduction.cells import COST, cost, solved, text
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.scores import return_by_episode
+from t2tl_jax.evaluation.statistics import interquartile_mean
 
 Curve = tuple[Sequence[float], Sequence[float]]
 
@@ -29,6 +30,7 @@ def methods(runs: Mapping[str, Stored], labels: Mapping[str, str], published: Ma
                 solved(run, "deterministic"),
                 text(run.end("discounted_return")),
                 text(run.by_seed("discounted_return")),
+                _middle(run),
                 text(run.by_seed("discounted_return", which="best")),
                 f"{published[name]:.2f}" if name in published else "-",
                 *cost(run),
@@ -36,9 +38,14 @@ def methods(runs: Mapping[str, Stored], labels: Mapping[str, str], published: Ma
         )
     heading = (
         *("method", "solved", "deterministic: its episodes succeed"),
-        *("return, training", "return, final", "return, best", "published", *COST),
+        *("return, training", "return, final", "its interquartile mean", "return, best", "published", *COST),
     )
     return table(heading, rows)
+
+
+def _middle(run: Stored) -> str:
+    returns = list(run.by_seed("discounted_return").values())
+    return interquartile_mean(returns).text() if returns else "-"
 
 
 def curves_by_frames(

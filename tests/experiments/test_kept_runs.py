@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -14,6 +15,8 @@ import tests.fake_learner  # noqa: F401
 from experiments import reproduce
 from experiments.reproduction import stored
 from t2tl_jax.errors import UserError
+from t2tl_jax.registry import named_config
+from t2tl_jax.runs import config_files
 
 ROOT = Path(__file__).parents[2]
 
@@ -91,17 +94,40 @@ def test_results_of_commits_that_nobody_could_look_up_are_not_kept(source, tmp_p
 def test_what_is_kept_names_no_folder_of_the_machine(source, tmp_path, repository):
     command = [str(repository / "experiments" / "reproduce.py"), "--folder", str(tmp_path), f"--only={source}"]
     made_from(source, git(repository, "rev-parse", "HEAD"), command=command, xla_flags="--xla_dump_to=/home/me --x=1")
-    config = {"pretrained": str(source.parent / "before"), "run": {"compilation_cache": "/home/me/cache"}, "frames": 3}
-    (source / "config.json").write_text(json.dumps(config))
+    config = replace(named_config("zone_ppo"), pretrained=str(source.parent / "before"), frames=3)
+    config = replace(config, run=replace(config.run, compilation_cache="/home/me/cache"))
+    (source / "config.json").write_text(config_files.to_json(config))
     stored.keep("run", source, tmp_path / "kept", repository=repository)
-    assert json.loads((tmp_path / "kept" / "config.json").read_text()) == {
-        "pretrained": "../before",
-        "run": {"compilation_cache": ""},
-        "frames": 3,
-    }
+    known = json.loads((tmp_path / "kept" / "config.json").read_text())
+    assert known["pretrained"] == "../before" and known["run"]["compilation_cache"] == "" and known["frames"] == 3
     versions = json.loads((tmp_path / "kept" / "versions.json").read_text())["started"]
     assert versions["command"] == ["experiments/reproduce.py", "--folder", tmp_path.name, "--only=../run"]
     assert versions["xla_flags"] == "--xla_dump_to=me --x=1"
+
+
+@pytest.mark.parametrize(
+    ("name", "seeds", "why"),
+    [
+        ("zone_ppo", "0,100", "seeds 100, on which settings were chosen.*--seeds 0,1,2"),
+        ("zone_ppo_long", "12", "seeds 0-11, on which.*--seeds 12,13"),
+        ("rm_water_ql", "4,5,6", "seeds 5-6, on which"),
+    ],
+)
+def test_results_on_seeds_that_settings_were_chosen_on_are_not_kept(source, tmp_path, repository, name, seeds, why):
+    """But for worlds of which there are no others: the page says which of them a search had."""
+    config = replace(named_config(name), seeds=seeds)
+    (source / "config.json").write_text(config_files.to_json(config))
+    with pytest.raises(UserError, match=why):
+        stored.keep("run", source, tmp_path / "kept", repository=repository)
+    assert not (tmp_path / "kept").exists()
+    stored.keep("run", source, tmp_path / "kept", repository=repository, every_world=True)
+    assert (tmp_path / "kept" / "config.json").is_file()
+
+
+def test_a_reproduction_on_tuning_seeds_is_refused_before_it_trains(capsys):
+    arguments = ["--only", "fig-zone", "--scale", "full", "--seeds", "12,100", "--keep", "True"]
+    assert reproduce.main(arguments) == 2
+    assert "seeds from 100 on are kept for tuning" in capsys.readouterr().err
 
 
 def test_what_is_stored_names_no_folder_of_a_machine():
