@@ -62,9 +62,12 @@ class Picture:
 
 
 def drawn(file: Path) -> str | None:
-    """The digest that a PNG was drawn with; None if it says nothing."""
+    """The digest that a PNG or GIF was drawn with; None if it says nothing."""
     with Image.open(file) as image:
-        return image.info.get(KEYWORD)
+        if image.format != "GIF":
+            return image.info.get(KEYWORD)
+        comment = image.info.get("comment", b"")
+        return comment.decode(errors="replace") or None
 
 
 def pictures(paper: Mapping[str, Stored], short: Mapping[str, Stored]) -> dict[str, Picture]:

@@ -12,6 +12,7 @@ from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
 from experiments.reproduction.anytask.runs import any_runs
 from experiments.reproduction.cells import text
 from experiments.reproduction.changed import changed
+from experiments.reproduction.episode import EpisodeGIF
 from experiments.reproduction.items import PAPER_ITEMS
 from experiments.reproduction.measures import frames_to
 from experiments.reproduction.method_table import method_table
@@ -81,13 +82,17 @@ moves, and which limits theirs had is not published. Of long trainings the curve
 and in newer ones at closer iterations of the last 5 %."""
 
 
+GIF = "zone_ppo_episode.gif"
+"""Shown by the page of the usage."""
+
+
 @dataclass(frozen=True)
 class Documentation:
     """What should be there."""
 
     pages: dict[str, str]
     """By path below the root of the repository, the whole text."""
-    pictures: dict[str, Picture | EpisodesPicture]
+    pictures: dict[str, Picture | EpisodesPicture | EpisodeGIF]
     """By path likewise."""
 
 
@@ -130,7 +135,8 @@ def documentation(root: Path) -> Documentation:
     any_lines = {name: picture.markdown() for name, picture in episodes.items()}
     terms = "\n\n".join(part for part in (ANY_TERMS, changed(for_any, any_runs())) if part)
     any_page = page(ANY_ITEMS, for_any, smoke=False, head=ANY_HEAD, pictures=any_lines, terms=terms)
-    drawn: list[Picture | EpisodesPicture] = [*shown.values(), *episodes.values()]
+    moving = EpisodeGIF(GIF, results / "paper" / "zone-t2tl", "phi_zone")
+    drawn: list[Picture | EpisodesPicture | EpisodeGIF] = [*shown.values(), *episodes.values(), moving]
     return Documentation(
         {PAGE: whole, ANY_PAGE: any_page, **written},
         {f"docs/{one.file}": one for one in drawn},

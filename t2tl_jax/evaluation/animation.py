@@ -134,7 +134,13 @@ def record(
     return recorder(env, view, agent, episode_length, deterministic)(params, env_params, key)
 
 
-def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[int], str] = lambda row: "") -> None:
+def save_gif(
+    recording: Recording,
+    view: View,
+    target: Path,
+    caption: Callable[[int], str] = lambda row: "",
+    comment: str = "",
+) -> None:
     """Write an episode as a GIF of at most about 150 frames, the last one shown for two seconds.
 
     Args:
@@ -142,6 +148,7 @@ def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[
         view: how to draw it.
         target: the file to write.
         caption: from a row of the task table to a text, for instance the formula that remains; long ones are wrapped.
+        comment: what the file says of itself, not shown.
     """
     length = len(recording.rows) - 1
     stride = max(1, -(-length // MAX_FRAMES))
@@ -161,7 +168,8 @@ def save_gif(recording: Recording, view: View, target: Path, caption: Callable[[
             ImageDraw.Draw(frame).text((WALL, height + 4 + LINE * number), line, fill=(0, 0, 0), font=font)
         frames.append(frame)
     durations = [view.frame_ms] * (len(frames) - 1) + [2000]
-    frames[0].save(target, save_all=True, append_images=frames[1:], duration=durations, loop=0, disposal=1)
+    noted = {"comment": comment} if comment else {}
+    frames[0].save(target, save_all=True, append_images=frames[1:], duration=durations, loop=0, disposal=1, **noted)
 
 
 def captions(texts: Sequence[str]) -> Callable[[int], str]:
