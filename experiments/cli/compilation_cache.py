@@ -20,5 +20,8 @@ def use(folder: str) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(f"cannot create {path} ({error.strerror}); --run.compilation-cache '' does without") from error
+        raise UserError(
+            f"cannot create {path} ({error.strerror}) for compiled programs; JAX_COMPILATION_CACHE_DIR names another "
+            "folder, and a training goes without one by --run.compilation-cache ''"
+        ) from error
     jax.config.update("jax_compilation_cache_dir", str(path))

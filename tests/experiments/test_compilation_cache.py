@@ -1,10 +1,16 @@
 """Where compiled programs are kept."""
 
+import contextlib
+import json
+
 import jax
 import pytest
 
+from experiments import play
 from experiments.cli import compilation_cache
 from t2tl_jax.errors import UserError
+from t2tl_jax.runs import train
+from t2tl_jax.runs.folder import open_existing
 
 
 @pytest.fixture
@@ -33,3 +39,40 @@ def test_a_folder_that_cannot_be_made_is_explained(tmp_path, chosen):
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match=r"cannot create .*file/a \(Not a directory\)"):
         compilation_cache.use(str(tmp_path / "file" / "a"))
+
+
+@pytest.fixture
+def opened(finished, read_json, tmp_path, chosen, monkeypatch):
+    """Of a run that names a folder for compiled programs: the run, that folder, and the default one of this machine."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
+    theirs, config = tmp_path / "theirs", read_json(finished / "config.json")
+    config["run"]["compilation_cache"] = str(theirs)
+    (finished / "config.json").write_text(json.dumps(config))
+    return finished, theirs, tmp_path / "mine" / "t2tl_jax" / "xla"
+
+
+@pytest.mark.slow
+def test_programs_are_not_taken_from_a_folder_that_a_stored_run_names(opened, chosen, evaluate_run, resume, read_json):
+    run, theirs, mine = opened
+    assert evaluate_run(run, "--episodes", "4") == 0
+    assert chosen() == str(mine) and not theirs.exists()
+    assert resume(run, "--frames", "300") == 0
+    assert chosen() == str(mine) and not theirs.exists()
+    assert read_json(run / "config.json")["run"]["compilation_cache"] == str(mine)
+    asked = mine.with_name("asked")
+    assert resume(run, "--frames", "400", "--run.compilation-cache", str(asked)) == 0
+    assert chosen() == str(asked) and asked.is_dir()
+
+
+def test_nor_does_play_take_them(opened, monkeypatch):
+    run, _, mine = opened
+    asked = []
+    monkeypatch.setattr(compilation_cache, "use", asked.append)
+    monkeypatch.setattr(train, "load", lambda *_, **__: pytest.skip("what the fake learner cannot do"))
+    with contextlib.suppress(pytest.skip.Exception):
+        play.main([str(run)])
+    assert asked == [str(mine)]
+
+
+def test_a_run_that_had_none_has_none(finished):
+    assert open_existing(finished)[1].run.compilation_cache == ""
