@@ -97,7 +97,8 @@ def open_existing(path: Path) -> tuple[RunFolder, Config]:
     none if the run had none.
 
     Raises:
-        UserError: if it is not a run, with the runs that lie nearby, or if its configuration does not fit this version.
+        UserError: if it is not a run, with the runs that lie nearby, if its configuration does not fit this version, or
+            if its task comes from a file of which it has no copy.
     """
     folder = RunFolder(path)
     if not folder.path.is_dir():

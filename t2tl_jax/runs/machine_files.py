@@ -1,4 +1,7 @@
-"""Reward machines from files: a run keeps a copy, so that it stays the same when the file is changed or moved."""
+"""Reward machines from files: a run keeps a copy, so that it stays the same when the file is changed or moved.
+
+What is read of a stored run is the copy alone, never another file of the machine that its configuration names.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,8 +28,17 @@ def read(config: Config) -> dict[str, bytes]:
 
 
 def with_copy(config: Config, folder: Path) -> Config:
-    """The configuration with the copy in this folder of a run as its task, if there is one; earlier runs have none."""
-    copy = _copy(config, folder)
+    """The configuration with the copy in this folder of a run as its task, where its task comes from a file.
+
+    Raises:
+        UserError: if there is no copy.
+    """
+    path, copy = _file(config.task), _copy(config, folder)
+    if path is not None and copy is None:
+        raise UserError(
+            f"the task of {folder} is the reward machine {path}, and the folder holds no copy of it; what a stored run "
+            f"names elsewhere is not read. If you know that file, copy it there: cp {path} {folder / path.name}"
+        )
     return config if copy is None else replace(config, task=str(copy))
 
 
@@ -56,7 +68,7 @@ def same_task(one: str | TaskFamily, other: str | TaskFamily) -> bool:
 def _copy(config: Config, folder: Path) -> Path | None:
     path = _file(config.task)
     copy = None if path is None else folder.resolve() / path.name
-    return copy if copy is not None and copy.is_file() else None
+    return copy if copy is not None and copy.is_file() and not copy.is_symlink() else None
 
 
 def _file(task: str | TaskFamily) -> Path | None:

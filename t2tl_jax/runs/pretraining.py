@@ -13,6 +13,7 @@ import numpy as np
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import is_family
+from t2tl_jax.ltl.tasks import is_machine_file
 from t2tl_jax.registry import TASK_ENCODERS
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import machine_files
@@ -50,9 +51,17 @@ def is_auto(config: Config) -> bool:
     return config.pretrained.partition(":")[0] == AUTO
 
 
+def elsewhere(config: Config) -> str:
+    """What a pre-training reads that does not lie in the run itself: another run, or a file of a task; '' for none."""
+    if is_auto(config):
+        named = config.pretrained.partition(":")[2]
+        return named if is_machine_file(named) else ""
+    return "" if config.pretrained == GIVEN else config.pretrained
+
+
 def located(config: Config) -> Config:
     """The configuration with its pre-training run as an absolute path, which is the same from every directory."""
-    if config.pretrained in ("", GIVEN) or is_auto(config):
+    if is_auto(config) or not elsewhere(config):
         return config
     return replace(config, pretrained=str(Path(config.pretrained).expanduser().resolve()))
 

@@ -1,10 +1,11 @@
 """What a training began with: not stored with it, but a function of its seeds and of the pre-training that is."""
 
+import warnings
 from dataclasses import dataclass
 
 import jax
 
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import Note, UserError, explained
 from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.train import load
@@ -30,6 +31,7 @@ def start_params(result: Result) -> Start:
     """The parameters that a run began with: drawn again from its seeds, with the pre-trained encoder put in.
 
     A pre-training that cannot be read (moved, or never kept) leaves the encoder as it was drawn; `problem` says so.
+    One that lies elsewhere, in the folder that the run's configuration names, is read there, and a `Note` says so.
     """
     experiment, config = result.experiment, result.config
     init = jax.vmap(lambda key, env_params: experiment.agent.init(key, env_params).params, (0, OVER_SEEDS))
@@ -51,4 +53,6 @@ def _encoder(result: Result) -> Params:
         if result.folder is None:
             raise UserError("the run is not kept on disk, nor is its pre-training")
         place = str(result.folder / pretraining.FOLDER)
+    else:
+        warnings.warn(f"the encoder of the start is read from {place}, which the run names", Note, stacklevel=2)
     return pretraining.encoder(result.experiment, load(place))

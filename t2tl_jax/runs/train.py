@@ -1,12 +1,13 @@
 """Train, resume and load: the runs of this library from Python. Nothing here prints; callbacks see what happens."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, overload
 
 from t2tl_jax.env import EnvConfig, LabelledEnv
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import Note, UserError, explained
 from t2tl_jax.evaluation.report import Report
 from t2tl_jax.ltl import TaskFamily
 from t2tl_jax.names import nearest
@@ -89,6 +90,8 @@ def resume(
 ) -> Result:
     """Continue a run from its last checkpoint, or from the beginning if it has none: bit for bit on a CPU.
 
+    A run that begins anew reads once more what it is pre-trained by, and a `Note` says where that lies.
+
     Args:
         folder: of the run.
         env: the environment itself, for a run that was given one instead of naming it.
@@ -118,6 +121,13 @@ def resume(
                 pass  # who is in the way is told before the work of preparing
         with Checkpoints(run.checkpoints) as checkpoints:
             begun = checkpoints.latest_iteration() is not None
+        if not begun and (elsewhere := pretraining.elsewhere(config)):
+            warnings.warn(
+                f"{run.path} has no checkpoint yet, so it begins anew, and is pre-trained by what its "
+                f"{run.config.name} names: {elsewhere}",
+                Note,
+                stacklevel=2,
+            )
         experiment, before = session.stop.call(
             lambda: sessions.checked(build(config, env), None, begun), "while preparing"
         )

@@ -5,6 +5,7 @@ import time
 
 import pytest
 
+from t2tl_jax.errors import Note
 from t2tl_jax.runs import experiment, pretraining
 from t2tl_jax.runs.pools import make_table
 from t2tl_jax.runs.start import start_params
@@ -35,11 +36,15 @@ def test_a_run_goes_on_from_elsewhere_and_without_its_pretraining_run(
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     begun_anew = shutil.copytree(folder, tmp_path / "begun_anew", ignore=shutil.ignore_patterns("checkpoints"))
+    capsys.readouterr()
     assert resume(begun_anew) == 0
+    said = "has no checkpoint yet, so it begins anew, and is pre-trained by what its config.json names"
+    assert f"{said}: {tmp_path / source}\n" in capsys.readouterr().out  # a stranger's run names what it likes
     assert (begun_anew / "metrics.csv").read_bytes() == (folder / "metrics.csv").read_bytes()
 
     shutil.rmtree(tmp_path / source)
     assert resume(folder, "--frames", "400") == 0
+    assert "begins anew" not in capsys.readouterr().out
     status = read_json(folder / "status.json")
     assert status["iteration"] == 4 and status["pretraining"] == summary
     shutil.rmtree(begun_anew / "checkpoints")
@@ -50,6 +55,8 @@ def test_a_run_goes_on_from_elsewhere_and_without_its_pretraining_run(
 
 def test_the_start_of_a_run_whose_pretraining_run_is_gone_is_a_new_network(train, source, tmp_path):
     path = train("--frames", "200", *NO_EVALUATION, "--pretrained", str(source))
+    with pytest.warns(Note, match=f"encoder of the start is read from {tmp_path / source}, which the run names"):
+        assert start_params(load(path)).origin == "pre-trained encoder"
     shutil.rmtree(tmp_path / source)
     begun = start_params(load(path))
     assert begun.origin.startswith("new network") and "there is no folder" in begun.problem

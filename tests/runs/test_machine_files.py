@@ -1,12 +1,15 @@
 """A run whose task is a reward machine from a file keeps its own copy, which counts from then on."""
 
 import dataclasses
+import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from experiments import run
+from t2tl_jax.errors import UserError
 from t2tl_jax.registry import make_env, named_config
 from t2tl_jax.runs import experiment, pretraining
 from t2tl_jax.runs import folder as run_folder
@@ -71,6 +74,14 @@ def test_the_copy_is_what_gets_compiled(machine, tmp_path):
     assert table.states == ("done", "fail", "mine.a", "mine.b")
 
 
+@pytest.mark.parametrize(
+    ("pretrained", "read"),
+    [("", ""), ("given", ""), ("auto", ""), ("auto:own", ""), ("auto:a.rm", "a.rm"), ("runs/given", "runs/given")],
+)
+def test_what_is_read_elsewhere_for_a_pretraining_is_known(pretrained, read):
+    assert pretraining.elsewhere(SimpleNamespace(pretrained=pretrained)) == read
+
+
 def test_runs_are_compared_by_what_their_machines_say(machine, tmp_path):
     config = dataclasses.replace(CONFIG, task="mine.rm")
 
@@ -96,10 +107,20 @@ def test_its_own_pretraining_keeps_a_copy_too(train, resume, machine, monkeypatc
     assert resume(folder) == 0
 
 
-def test_a_run_from_before_copies_reads_the_file_as_it_was_named(machine, tmp_path):
+@pytest.mark.parametrize("named", ["mine.rm", "{folder}/mine.rm", "run/../mine.rm", "run"])
+def test_a_run_without_its_copy_reads_no_other_file(machine, tmp_path, named, read_json):
+    """Nor does one whose copy is a link: what a configuration names may be anything on the machine."""
     folder = run_folder.create(tmp_path / "run", dataclasses.replace(CONFIG, task="mine.rm"), {})
     (folder.path / "mine.rm").unlink()
-    assert run_folder.open_existing(folder.path)[1].task == "mine.rm"
+    if named == "run":
+        (folder.path / "mine.rm").symlink_to(machine)
+    else:
+        folder.config.write_text(json.dumps(read_json(folder.config) | {"task": named.format(folder=tmp_path)}))
+    with pytest.raises(UserError, match=r"(?s)holds no copy of it.* cp .*mine\.rm .*run/mine\.rm"):
+        run_folder.open_existing(folder.path)
+    (folder.path / "mine.rm").unlink(missing_ok=True)
+    shutil.copy(machine, folder.path)
+    assert run_folder.open_existing(folder.path)[1].task == str(folder.path / "mine.rm")
 
 
 def test_a_file_that_is_not_there_is_explained_before_anything_is_written(tmp_path, capsys):
