@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import beside, speed, stored
+from experiments.reproduction import arithmetic, beside, speed, stored
 from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
@@ -127,6 +127,8 @@ def documentation(root: Path) -> Documentation:
             "aims": aims(results),
             "whole": speed.whole(paper),
             "scaling": scaling(results),
+            "substep": arithmetic.substep(results),
+            "gradient-step": arithmetic.gradient(results),
         },
         "docs/usage.md": {"plans": beside.plans(results)},
     }

@@ -9,53 +9,27 @@ import jax
 import jax.numpy as jnp
 import pytest
 
+from experiments.benchmarks.arithmetic import gradient_of_ppo
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.ppo import make_ppo
-from t2tl_jax.agents.ppo_config import PPOConfig
-from t2tl_jax.agents.ppo_learning import Batch, ppo_loss
 from t2tl_jax.agents.td_learning import Transition, dqn_loss
 from t2tl_jax.ltl import compile_tasks
-from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.context import ContextConfig, Segment
+from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.task_env import Shared, TaskEnv
-from t2tl_jax.training.types import repeated
 from tests.agents import sizes
 from tests.operations import in_loops, operations
 from tests.probe import DiscreteProbeEnv, ProbeEnv
 
-OBSERVATION, SAMPLES = 76, 512
+SAMPLES = 512
 TABLE = compile_tasks(["F(a & F b)"], ("a", "b"), "at_most_one")
 
 
 def flops(function, *given):
     """Of one call, by the compiler's account; nothing is compiled for it."""
     return jax.jit(function).lower(*given).cost_analysis()["flops"]
-
-
-def gradient_of_ppo(context):
-    """FLOP of a gradient step in ZoneEnv by sample; the task's code comes from outside."""
-    network = ActorCritic(NetworkConfig(context=context), 2)
-    steps = 1 if context is None else context.segment_length
-    count = SAMPLES // steps
-
-    def of(*shape, dtype=jnp.float32):
-        return jax.ShapeDtypeStruct((count, steps, *shape), dtype)
-
-    def initial():
-        carry = repeated(network.begin(OBSERVATION), count)
-        obs, row = jnp.zeros((count, OBSERVATION)), jnp.zeros(count, int)
-        return carry, network.init(jax.random.key(0), TABLE, obs, row, carry, method="initialise")
-
-    start, params = jax.eval_shape(initial)
-    segment = () if context is None else Segment(start, of(2), of(), of(dtype=bool), None)
-    batch = Batch(of(OBSERVATION), of(dtype=jnp.int32), of(2), of(), of(), of(), segment)
-
-    def loss(params, task, batch):
-        return ppo_loss(PPOConfig(), network, params, task, batch)[0]
-
-    return flops(jax.grad(loss, argnums=(0, 1)), params, of(16), batch) / SAMPLES
 
 
 @pytest.mark.slow

@@ -17,7 +17,10 @@ from t2tl_jax.evaluation import statistics
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
 GENERATED = re.compile(r"<!-- reproduce: .*?<!-- end -->|^```.*?^```", re.M | re.S)
-FIGURE = re.compile(r"\[-?\d*\.\d+, -?\d*\.\d+\]|\d (?:frames|steps)/s|\d\d s\b|\d/12\b|p = 0|± \d")
+FIGURE = re.compile(
+    r"\[-?\d*\.\d+, -?\d*\.\d+\]|\d (?:frames|steps)/s|\d\d s\b|\d/12\b|p = 0|± \d"
+    r"|\d (?:us|ms|kB|kFLOP|GFLOP|GiB|TFLOP/s)\b|\d\.\d+ (?:times|million)"
+)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +56,7 @@ def test_pictures_are_those_of_the_stored_results(wanted, pages):
 
 
 @pytest.mark.parametrize(
-    "page", ["README.md", *(f"docs/{name}.md" for name in ("methods", "usage", "python", "speed"))]
+    "page", ["README.md", *(f"docs/{name}.md" for name in ("methods", "usage", "python", "speed", "performance"))]
 )
 def test_no_figure_stands_outside_of_what_is_generated(page):
     """Intervals, seconds, speeds, seeds that solve something, tests: written by hand nobody would check them."""
@@ -61,8 +64,8 @@ def test_no_figure_stands_outside_of_what_is_generated(page):
 
 
 def test_the_check_sees_figures():
-    by_hand = "0.769 [0.756, 0.782], 2,446 frames/s, 313 s, 12/12, p = 0.32, 0.91 ± 0.02"
-    assert len(FIGURE.findall(by_hand)) == 6 and FIGURE.findall(GENERATED.sub("", by_hand)) != []
+    by_hand = "0.769 [0.756, 0.782], 2,446 frames/s, 313 s, 12/12, p = 0.32, 0.91 ± 0.02, 1.06 times, 120 us, 13 kB"
+    assert len(FIGURE.findall(by_hand)) == 9 and FIGURE.findall(GENERATED.sub("", by_hand)) != []
 
 
 def test_other_numbers_make_another_picture_and_another_page(tmp_path):

@@ -1,0 +1,134 @@
+"""What a substep of MJX and a gradient step of PPO compute, beside the least that they could take on an H200."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from experiments.benchmarks import measured
+from experiments.benchmarks.trainings import training
+from experiments.reproduction.page import origin, paragraph, table
+from experiments.reproduction.scaling import in_time
+from t2tl_jax.runs.folder import read_json
+
+FILE = "arithmetic.json"
+"""Of `experiments.benchmarks.arithmetic`, among the results."""
+
+PEAK_TFLOP, PEAK_TBYTE = 67.0, 4.8
+"""Of an H200 a second, as NVIDIA has it: single precision without tensor cores, and memory."""
+
+PASSES = 11
+"""Passes of MuJoCo in an environment step: ten substeps, and one for the accelerometer."""
+
+MOTION = 32
+"""Bytes of a robot's position, velocity and command."""
+
+MJX, STRAIGHT = "MJX as it is", "in a straight line"
+
+T1TL, T2TL = "T1TL", "T2TL, segments of 8 steps (the default)"
+
+LEARNERS = {"zone_ppo_long:t1tl": T1TL, "zone_ppo_long:t2tl": T2TL, "zone_ppo_long:t1tl:closed_form": T1TL}
+"""Trainings whose gradient step is counted."""
+
+
+def substep(results: Path) -> str:
+    """Both forms of the substep, what the compiler counts, and what that would take; '' where it is not stored."""
+    if not (results / FILE).is_file():
+        return "Not measured yet."
+    stored = read_json(results / FILE)
+    of: Mapping[str, Mapping[str, float]] = stored["substep"]
+    plain, straight = of[MJX], of[STRAIGHT]
+    rows = [
+        ("traced operations", *(f"{one['traced']:,}" for one in (plain, straight))),
+        *(
+            (said, *(f"{one[name]:,}" for one in (plain, straight)))
+            for said, name in (
+                ("gathers and slices at places that are computed", "gathers"),
+                ("scatters", "scatters"),
+                ("matrix products", "products"),
+                ("factorisations and triangular solves", "factorisations"),
+                ("fused loops, compiled for a CPU", "fused_loops"),
+            )
+        ),
+        ("read and written by a robot", *(f"{one['kilobytes']:.0f} kB" for one in (plain, straight))),
+        ("processor time of a substep and robot", *(f"{one['microseconds']:.2f} us" for one in (plain, straight))),
+        ("processor time to compile it", *(f"{one['compile_s']:.1f} s" for one in (plain, straight))),
+    ]
+    settings = stored["settings"]
+    said = paragraph(f"""
+        Counts are the compiler's, of the form that is compiled for a CPU; times are medians of {settings["repeats"]}
+        calls of {settings["substeps"]} substeps of {settings["num_envs"]:,} robots on the processor below, summed over
+        its cores.""")
+    parts = [table(("one substep", MJX, STRAIGHT), rows), said, origin([stored["where"]])]
+    return "\n\n".join([*parts, *_on_a_gpu(results, straight)])
+
+
+def _on_a_gpu(results: Path, straight: Mapping[str, float]) -> list[str]:
+    steps = {row.size: row for _, row in _rows(results, "environments") if row.what == "zones, mjx"}
+    if len(steps) < 2:
+        return []
+    sizes = sorted((int(size.split()[0].replace(",", "")), row) for size, row in steps.items())
+    (few, some), (many, more) = sizes[0], sizes[-1]
+    passes = [1e3 * count / row.rate / PASSES for count, row in ((few, some), (many, more))]
+    each = (passes[1] - passes[0]) / (many - few)
+    moved, least = (1e3 * few * size / (PEAK_TBYTE * 1e12) for size in (1e3 * straight["kilobytes"], MOTION))
+    arithmetic = 1e3 * few * 1e3 * straight["kiloflop"] / (PEAK_TFLOP * 1e12)
+    text = f"""
+        On one H200 a pass of {few:,} environments takes {passes[0]:.2f} ms, of {many:,} {passes[1]:.2f} ms. Moving the
+        bytes above at {PEAK_TBYTE} TB/s would take {moved:.2f} ms for {few:,}, so a GPU moves fewer than the compiler
+        counts for a CPU. The floor, one pass over {MOTION} bytes and {straight["kiloflop"]:.0f} kFLOP a robot, is the
+        greater of {least:.4f} ms and, at {PEAK_TFLOP:.0f} TFLOP/s, {arithmetic:.3f} ms. By a straight line through the
+        two sizes, which is an extrapolation, {passes[0] - few * each:.2f} ms of a pass are there whatever the batch,
+        probably the time of many small kernels; in the 24,576 environments of 12 seeds that is
+        {(passes[0] - few * each) / (passes[0] - (few - 24_576) * each):.0%} of it. Fewer kernels are what could be
+        gained there."""
+    return [paragraph(text)]
+
+
+def gradient(results: Path) -> str:
+    """kFLOP of a gradient step by sample, and how far measured learning is from the floor that they give."""
+    if not (results / FILE).is_file():
+        return "Not measured yet."
+    stored = read_json(results / FILE)
+    kiloflop = {name: one["kiloflop"] for name, one in stored["gradient_step"].items()}
+    least = min(value for name, value in kiloflop.items() if name != T1TL)
+    counted = [
+        (name, f"{value:,.0f}", "-" if name == T1TL else f"{value / least:.2f}") for name, value in kiloflop.items()
+    ]
+    parts = [table(("a sample", "kFLOP", "of the least for T2TL"), counted), origin([stored["where"]])]
+    rows, shown = [], []
+    for where, row in _rows(results, "training"):
+        if row.what in LEARNERS and row.acting_share is not None and row.size == "12 seeds":
+            rows.append(_learning(row, kiloflop[LEARNERS[row.what]]))
+            shown.append(where)
+    if rows:
+        said = f"""
+            Learning on one H200: each frame is a sample of as many gradient steps as there are epochs. Predicted is
+            what their arithmetic takes at {PEAK_TFLOP:.0f} TFLOP/s (single precision without tensor cores, which
+            products may use), measured is the time of an iteration that is not acting."""
+        heading = ("training, 12 seeds", "epochs", "kFLOP a frame", "predicted", "measured", "of the floor")
+        parts += [paragraph(said), table(heading, rows), origin(shown)]
+    return "\n\n".join(parts)
+
+
+def _learning(row: measured.Row, kiloflop: float) -> tuple[str, ...]:
+    learner: Any = training(row.what).learner
+    assert row.acting_share is not None
+    work = learner.epochs * kiloflop
+    least, took = 1e3 * work / (PEAK_TFLOP * 1e12) * 1e6, (1 - row.acting_share) / row.rate * 1e6
+    return (
+        f"`{row.what}`",
+        str(learner.epochs),
+        f"{work:,.0f}",
+        f"{least:.3f} us a frame",
+        f"{took:.3f} us a frame",
+        f"{took / least:.1f} times",
+    )
+
+
+def _rows(results: Path, part: str) -> Sequence[tuple[Mapping[str, Any], measured.Row]]:
+    """What was measured on one GPU, the newest of each last."""
+    found: dict[tuple[str, str], tuple[Mapping[str, Any], measured.Row]] = {}
+    for where, rows in in_time(results):
+        if len(where["devices"]) == 1 and "H200" in str(where["devices"][0]):
+            found |= {(row.what, row.size): (where, row) for row in rows if row.part == part}
+    return list(found.values())
