@@ -6,6 +6,7 @@ damaged later is told, and the one before it is taken. Nothing in it is code: ar
 """
 
 import logging
+import os
 import shutil
 import warnings
 from collections.abc import Callable, Mapping
@@ -90,6 +91,7 @@ class Checkpoints:
         )
         names = (STATE, REPLAY, *get_args(Item))
         handlers = {name: ocp.StandardCheckpointHandler(multiprocessing_options=alone) for name in names}
+        self._handlers = handlers
         self._manager: ocp.CheckpointManager | None = None
         self._arguments = {"item_names": (*handlers, "info"), "options": options}
         info = ocp.JsonCheckpointHandler(multiprocessing_options=alone)
@@ -279,17 +281,32 @@ class Checkpoints:
         return replace(state, **{replay: self._arrays(iteration, REPLAY, getattr(like, replay), stored)})
 
     def _arrays(self, iteration: int, name: str, like: Any, stored: Mapping[str, Any]) -> Any:
-        target = host_arrays.blank(like)
-        restored = self._from_disk(iteration, name, ocp.args.StandardRestore(target))
-        if wrong := host_arrays.differences(target, restored):
-            raise CheckpointError(
-                f"checkpoint {self.folder / str(iteration)} belongs to another configuration or version:\n  "
-                + "\n  ".join(wrong[:5])
-            )
+        wanted = host_arrays.shapes(like)
+        self._check_shapes(iteration, name, wanted)
+        restored = self._from_disk(iteration, name, ocp.args.StandardRestore(host_arrays.blank(wanted)))
         known = stored.get("checksums", {}).get(name)  # early versions wrote none
         if known is not None and known != checksums(restored):
             raise self._damaged(iteration, name, "its arrays are not what was written")
         return jax.tree.map(host_arrays.as_in, like, restored)
+
+    def _check_shapes(self, iteration: int, name: str, wanted: Any) -> None:
+        """Refuse arrays of other shapes or dtypes before any of them is read: a small file can hold huge ones."""
+        place = self.folder / str(iteration)
+        try:
+            there = self._handlers[name].metadata(place / name).tree
+        except Exception as error:  # as in `_from_disk`
+            raise self._damaged(iteration, name, _reason(error)) from error
+        if other := host_arrays.unpaired(wanted, there):
+            raise self._damaged(iteration, name, ", ".join(sorted(other)[:3]))
+        if wrong := host_arrays.differences(wanted, there):
+            raise CheckpointError(
+                f"checkpoint {place} belongs to another configuration or version:\n  " + "\n  ".join(wrong[:5])
+            )
+        if (size := host_arrays.size(wanted)) > (most := os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")):
+            raise CheckpointError(
+                f"'{name}' of checkpoint {place} takes {size / 2**30:,.1f} GiB, and this machine has "
+                f"{most / 2**30:,.1f} GiB of memory; read it on another"
+            )
 
     def _from_disk(self, iteration: int, item: str, argument: Any) -> Any:
         try:

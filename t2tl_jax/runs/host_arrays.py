@@ -1,6 +1,7 @@
 """Trees of arrays as they lie on disk: NumPy arrays, keys as their data, nothing empty, with a checksum of each."""
 
 import json
+import math
 import zlib
 from collections.abc import Mapping
 from typing import Any
@@ -27,10 +28,20 @@ def copied(tree: Any, count: int | None = None) -> Any:
     return jax.tree.map(own, plain)
 
 
-def blank(like: Any) -> Any:
-    """Zeros of the shapes and dtypes that `like` has on disk."""
-    shapes = jax.eval_shape(_unwrap_keys, like)
-    return jax.tree.map(lambda x: _storable(np.zeros(x.shape, x.dtype)), shapes)
+def shapes(like: Any) -> Any:
+    """The shapes and dtypes that `like` has on disk."""
+    kinds = jax.eval_shape(_unwrap_keys, like)
+    return jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape if x.size else (1,), x.dtype), kinds)
+
+
+def blank(shapes: Any) -> Any:
+    """Zeros of these shapes and dtypes."""
+    return jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), shapes)
+
+
+def size(shapes: Any) -> int:
+    """Bytes of arrays of these shapes and dtypes."""
+    return sum(math.prod(x.shape) * x.dtype.itemsize for x in jax.tree.leaves(shapes))
 
 
 def as_in(like: Any, value: np.ndarray) -> Any:
@@ -40,14 +51,31 @@ def as_in(like: Any, value: np.ndarray) -> Any:
     return value if like.size else np.zeros(like.shape, like.dtype)
 
 
-def differences(wanted: Any, got: Any) -> list[str]:
-    """Which arrays have other shapes or dtypes than those wanted, in words."""
-    pairs = zip(jax.tree_util.tree_leaves_with_path(wanted), jax.tree.leaves(got), strict=True)
-    return [
-        f"{jax.tree_util.keystr(path)}: {np.shape(got)} on disk, {want.shape} expected"
-        for (path, want), got in pairs
-        if np.shape(got) != want.shape or np.asarray(got).dtype != want.dtype
+def unpaired(wanted: Any, got: Any) -> list[str]:
+    """Which arrays are there and not wanted, or the other way round."""
+    want, there = _by_place(wanted), _by_place(got)
+    return [f"{place} is missing" for place in want.keys() - there.keys()] + [
+        f"{place} was not expected" for place in there.keys() - want.keys()
     ]
+
+
+def differences(wanted: Any, got: Any) -> list[str]:
+    """Which arrays have other shapes or dtypes than those wanted, in words; the same arrays must be there.
+
+    Also says which are stored in pieces that are larger than the array itself: a small file can hold a huge piece.
+    """
+    there = _by_place(got)
+    wrong = []
+    for place, want in _by_place(wanted).items():
+        kind = there[place]
+        if tuple(kind.shape) != want.shape or kind.dtype != want.dtype:
+            said = (f"{one.dtype}[{', '.join(map(str, one.shape))}]" for one in (kind, want))
+            wrong.append("{}: {} on disk, {} expected".format(place, *said))
+            continue
+        pieces = getattr(getattr(kind, "storage", None), "chunk_shape", None) or ()
+        if any(piece > length for piece, length in zip(pieces, want.shape, strict=False)):
+            wrong.append(f"{place}: stored in pieces of {list(pieces)}, which are larger than the array")
+    return wrong
 
 
 def checksums(tree: Any) -> list[int]:
@@ -59,6 +87,14 @@ def checksum(info: Mapping[str, Any]) -> int:
     """CRC-32 of what a JSON object says, but for its own checksum."""
     content = {name: value for name, value in info.items() if name != "checksum"}
     return zlib.crc32(json.dumps(content, sort_keys=True).encode())
+
+
+def _by_place(tree: Any) -> dict[str, Any]:
+    """What has a shape in a tree by its place, which is the same whether a part is a class, a dictionary or a list."""
+    leaves = jax.tree_util.tree_leaves_with_path(tree)
+    return {
+        jax.tree_util.keystr(path, simple=True, separator="/"): leaf for path, leaf in leaves if hasattr(leaf, "shape")
+    }
 
 
 def _unwrap_keys(tree: Any) -> Any:

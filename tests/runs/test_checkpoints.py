@@ -3,12 +3,15 @@
 import dataclasses
 import itertools
 import json
+import os
+import resource
 import time
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import tensorstore
 from flax import struct
 
 from t2tl_jax.errors import Note
@@ -103,6 +106,40 @@ def test_another_configuration_is_no_damage(folder):
     other = dataclasses.replace(state(0), params={"w": jnp.zeros((2, 5))})
     with Checkpoints(folder) as checkpoints, pytest.raises(CheckpointError, match="belongs to another configuration"):
         checkpoints.read(lambda _: {"state": other}, "replay")
+
+
+def write_blank(folder, shape, pieces):
+    """In place of an array of the later checkpoint, one that says its shape and holds nothing, which reads as zeros."""
+    place = {"driver": "ocdbt", "base": f"file://{folder}/2/state/", "path": "params.w/"}
+    said = {"shape": shape, "chunks": pieces, "dtype": "<f4", "fill_value": 0}
+    spec = {"driver": "zarr", "kvstore": place, "metadata": said, "create": True, "delete_existing": True}
+    tensorstore.open(spec).result()
+
+
+def most_memory():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 2**10
+
+
+@pytest.mark.parametrize(
+    ("shape", "pieces", "said"),
+    [
+        ([2**29], [2**29], r"params/w: float32\[536870912\] on disk, float32\[2, 300\] expected"),
+        ([2, 300], [2**29, 1], r"params/w: stored in pieces of \[536870912, 1\], which are larger"),
+    ],
+)
+def test_a_small_checkpoint_that_expands_is_not_read(folder, shape, pieces, said):
+    write_blank(folder, shape, pieces)
+    assert sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) < 2**18
+    before = most_memory()
+    with Checkpoints(folder) as checkpoints, pytest.raises(CheckpointError, match=said):
+        checkpoints.read(wanted, "replay")
+    assert most_memory() < before + 2**28, "of 2^31 bytes"
+
+
+def test_what_does_not_fit_into_memory_is_refused(folder, monkeypatch):
+    monkeypatch.setattr(os, "sysconf", {"SC_PHYS_PAGES": 1, "SC_PAGE_SIZE": 2**11}.get)
+    with Checkpoints(folder) as checkpoints, pytest.raises(CheckpointError, match=r"'state' of .* GiB of memory"):
+        checkpoints.read(wanted, "replay")
 
 
 def test_a_clock_that_jumps_back_changes_nothing(folder, monkeypatch):
