@@ -8,6 +8,7 @@ measures on one GPU of several; on a CPU, JAX_NUM_CPU_DEVICES says how many ther
 """
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -20,8 +21,8 @@ from t2tl_jax.errors import explained
 from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
-Part = Literal["progression", "environments", "training"]
-PARTS: tuple[Part, ...] = ("progression", "environments", "training")
+Part = Literal["progression", "environments", "training", "solve"]
+PARTS: tuple[Part, ...] = ("progression", "environments", "training", "solve")
 
 TASKS = ("phi_zone", "phi_water", "rm_water")
 """Whose progression is timed."""
@@ -49,6 +50,9 @@ class Arguments:
     """How many seeds at once."""
     one_seed: tuple[str, ...] = ()
     """More trainings, which are timed with one seed only."""
+    solve: tuple[str, ...] = ("zone_ppo:t1tl", "zone_ppo:t2tl")
+    """Trainings as above that are run once with each number of seeds until success in training stays above 95 % in all
+    of them, from pre-training on."""
     devices_per_seed: int = 0
     """The most devices for one seed, as of a run; 0 for one on a GPU, and as many as there are on a CPU."""
     num_envs: tuple[int, ...] = (8192, 65536)
@@ -88,7 +92,7 @@ def _main(texts: Sequence[str]) -> int:
 
     earlier = None if arguments.against is None else measured.read(arguments.against)
     with explained():
-        trainings = _trainings(arguments)
+        trainings = {"training": _trainings(arguments), "solve": _solves(arguments)}
     where = provenance.describe(["python", "-m", "experiments.benchmark", *texts])
     rows: list[measured.Row] = []
     settings = {name: value.name if isinstance(value, Path) else value for name, value in asdict(arguments).items()}
@@ -97,12 +101,12 @@ def _main(texts: Sequence[str]) -> int:
     for part in arguments.parts:
         print(f"\n## {part}\n", flush=True)
         new = []
-        for one in MEASURE[part](arguments, trainings):
+        for one in MEASURE[part](arguments, trainings.get(part, [])):
             new.append(one)
             print(f"{one.what}, {one.size}: {measured.three_digits(one.rate)} {one.unit}", file=sys.stderr, flush=True)
             if arguments.json is not None:
                 measured.write(json_file.unfinished(arguments.json), where, settings, [*rows, *new])
-        print(measured.table(new))
+        print(measured.solved_table(new) if part == "solve" else measured.table(new))
         rows += new
     if earlier is not None:
         there, before = earlier
@@ -114,7 +118,18 @@ def _main(texts: Sequence[str]) -> int:
         measured.write(arguments.json, where, settings, rows)
         json_file.unfinished(arguments.json).unlink(missing_ok=True)
         print(f"\nwritten: {arguments.json}")
+    print(_of_the_readme())
     return 0
+
+
+def _of_the_readme() -> str:
+    """The README's table, of what is stored among the project's results; '' where these are not there."""
+    from experiments.reproduction import speed
+
+    results = Path(__file__).parents[1] / "results"
+    if not any(results.glob("benchmark_*.json")):
+        return ""
+    return f"\n## The table of the README, by what is stored in {results.name}/\n\n{speed.short_table(results)}"
 
 
 @dataclass(frozen=True)
@@ -130,10 +145,17 @@ class Timed:
 
 
 def _trainings(arguments: Arguments) -> list[Timed]:
+    wanted = [(text, count) for text in arguments.trainings for count in arguments.seeds]
+    return _timed(arguments, [*wanted, *((text, 1) for text in arguments.one_seed)])
+
+
+def _solves(arguments: Arguments) -> list[Timed]:
+    return _timed(arguments, [(text, count) for text in arguments.solve for count in arguments.seeds])
+
+
+def _timed(arguments: Arguments, wanted: Sequence[tuple[str, int]]) -> list[Timed]:
     from experiments.benchmarks.trainings import training
 
-    wanted = [(text, count) for text in arguments.trainings for count in arguments.seeds]
-    wanted += [(text, 1) for text in arguments.one_seed]
     found = []
     for text, count in dict.fromkeys(wanted):
         config = training(text)
@@ -183,10 +205,26 @@ def _training(arguments: Arguments, trainings: Sequence[Timed]) -> Iterator[Any]
         yield measured.row("training", one.text, size, "frames/s", found.iterate, found.costs, **more)
 
 
+def _solve(arguments: Arguments, trainings: Sequence[Timed]) -> Iterator[Any]:
+    from experiments.benchmarks import measured
+    from t2tl_jax.runs import train
+
+    for one in trainings:
+        begin = time.perf_counter()
+        result = train.train(one.config, until_solved=True)
+        seconds = time.perf_counter() - begin
+        since = list(result.success_since.values())
+        frames = None if None in since else max(number for number in since if number is not None)
+        rate = result.iteration * result.experiment.agent.frames_per_iteration * one.seeds / seconds
+        size = "1 seed" if one.seeds == 1 else f"{one.seeds} seeds"
+        yield measured.Row("solve", one.text, size, "frames/s", rate, rate, rate, seconds=seconds, frames=frames)
+
+
 MEASURE: dict[Part, Callable[[Arguments, Sequence[Timed]], Iterator[Any]]] = {
     "progression": _progression,
     "environments": _environments,
     "training": _training,
+    "solve": _solve,
 }
 
 

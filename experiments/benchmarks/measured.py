@@ -46,6 +46,10 @@ class Row:
     """Bytes read and written in a call, in 10^9."""
     acting_share: float | None = None
     """Of the time of a training, how much acting alone would take; None where several devices trained."""
+    seconds: float | None = None
+    """Of a whole run that ends when its task is solved in training, or with its frames."""
+    frames: int | None = None
+    """Of each seed until then; None where not every seed came to it, and of other parts."""
     devices: int | None = None
     """How many shared the work; None in files from before this was counted, which are of one."""
 
@@ -90,7 +94,7 @@ def table(rows: Sequence[Row]) -> str:
     that of each device."""
     several = any((one.devices or 1) > 1 for one in rows)
     heading = ("what", "size", *(["devices"] if several else []))
-    heading += ("per second (minimum, maximum)", "trace + compile", "memory", "acting alone")
+    heading += ("per second (minimum, maximum)", "trace + compile", "memory", "rollout alone", "update, the rest")
     lines = [
         (
             one.what,
@@ -99,11 +103,34 @@ def table(rows: Sequence[Row]) -> str:
             f"{three_digits(one.rate)} {one.unit} ({three_digits(one.slowest)}, {three_digits(one.fastest)})",
             "-" if one.compile_s is None else f"{one.trace_s or 0:.1f} + {one.compile_s:.1f} s",
             "-" if one.memory_mib is None else f"{one.memory_mib:,.0f} MiB",
-            "-" if one.acting_share is None else f"{one.acting_share:.0%}",
+            *_halves(one),
         )
         for one in rows
     ]
     return _markdown(heading, lines)
+
+
+def _halves(one: Row) -> tuple[str, str]:
+    """Frames/s of acting alone, with its share of the time, and of what is left, which is learning."""
+    share = one.acting_share
+    if share is None or not 0 < share < 1:
+        return "-", "-"
+    rollout, update = (f"{three_digits(one.rate / of)} {one.unit}" for of in (share, 1 - share))
+    return f"{rollout} ({share:.0%})", f"{update} ({1 - share:.0%})"
+
+
+def solved_table(rows: Sequence[Row]) -> str:
+    """Markdown: when whole runs solved their task, pre-training, compiling and drawing of maps included."""
+    lines = [
+        (
+            one.what,
+            one.size,
+            f"{one.seconds:.0f} s" if one.seconds is not None else "-",
+            "not within its frames" if one.frames is None else f"{one.frames:,}",
+        )
+        for one in rows
+    ]
+    return _markdown(("what", "size", "whole run", "frames until success stayed above 95 %, all seeds"), lines)
 
 
 def against(rows: Sequence[Row], earlier: Sequence[Row]) -> str:

@@ -53,7 +53,7 @@ def test_what_was_measured_is_read_again_and_compared(tmp_path):
     measured.write(tmp_path / "a.json", {"devices": ["cpu"]}, {}, measured_rows(1.0))
     where, rows = measured.read(tmp_path / "a.json")
     assert where == {"devices": ["cpu"]} and rows == measured_rows(1.0)
-    assert "| 25% |" in measured.table(rows) and "1.0 + 2.0 s" in measured.table(rows)
+    assert "(25%)" in measured.table(rows) and "1.0 + 2.0 s" in measured.table(rows)
     for scale, said in ((1.1, "within spread"), (2.0, "faster"), (0.5, "slower")):
         lines = measured.against(measured_rows(scale), rows).splitlines()[2:]
         assert len(lines) == 2 and all(f"{scale:.2f}" in line and said in line for line in lines)
@@ -119,12 +119,22 @@ def test_every_part_is_timed(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(env, "PHYSICS", {"letterworld": ("grid",)})
     monkeypatch.setattr(benchmark, "TASKS", ("phi_zone",))
     small = ["--num-envs", "4", "--rows", "8", "--steps", "5", "--repeats", "2", "--seeds", "2", "--trainings", "fake"]
-    small += ["--one-seed", "fake"]
+    small += ["--one-seed", "fake", "--solve", "fake"]
     assert benchmark.main([*small, "--json", str(tmp_path / "c.json")]) == 0
     where, rows = measured.read(tmp_path / "c.json")
-    assert [row.part for row in rows] == ["progression", "environments", "training", "training"]
-    assert where["packages"]["jax"] and [row.devices for row in rows] == [None, 1, 1, 1]
+    assert [row.part for row in rows] == ["progression", "environments", "training", "training", "solve"]
+    assert where["packages"]["jax"] and [row.devices for row in rows] == [None, 1, 1, 1, None]
     assert all(0 < row.slowest <= row.rate <= row.fastest for row in rows)
-    two, one = rows[-2:]
+    two, one, solved = rows[-3:]
     assert (two.size, one.size) == ("2 seeds", "1 seed") and two.memory_mib > 0 and two.acting_share > 0
-    assert "## training" in capsys.readouterr().out
+    assert solved.size == "2 seeds" and solved.seconds > 0 and (solved.frames is None or solved.frames > 0)
+    shown = capsys.readouterr().out
+    assert "## training" in shown and "| whole run |" in shown and "## The table of the README" in shown
+
+
+def test_rollout_and_update_share_the_time_of_an_iteration():
+    row = measured.Row("training", "x", "1 seed", "frames/s", 3e6, 3e6, 3e6, acting_share=0.75)
+    assert "| 4,000,000 frames/s (75%) | 12,000,000 frames/s (25%) |" in measured.table([row])
+    assert measured.table([replace(row, acting_share=None)]).endswith("| - | - |")
+    solved = replace(row, seconds=61.4, frames=None)
+    assert measured.solved_table([solved]).endswith("| x | 1 seed | 61 s | not within its frames |")
