@@ -9,6 +9,10 @@ COUNTER_LIMIT = 2**31 - 1
 """The largest number to which the counters of a compiled program, int32, can count."""
 
 
+POOL_LIMIT = 2**26
+"""Most bytes of the maps that one seed has at a time: 64 MiB, some hundred thousand maps, which take minutes."""
+
+
 def counts(config: object, *names: str, least: int = 1, most: int = COUNTER_LIMIT) -> None:
     """Fields that hold whole numbers from `least` to `most`, by default what a counter can hold.
 
@@ -53,3 +57,19 @@ def shares(config: object, *names: str) -> None:
         value = getattr(config, name)
         if not 0.0 <= value <= 1.0:
             raise ValueError(f"{name} must lie between 0 and 1, got {value}")
+
+
+def pool(name: str, count: int, each: int) -> None:
+    """A number of maps, of so many bytes each, that is made ahead and kept in memory.
+
+    Raises:
+        ValueError: for more than `POOL_LIMIT` bytes, of one or of all.
+    """
+    if each > POOL_LIMIT:
+        raise ValueError(f"one map takes {each / 2**20:,.0f} MiB; the limit is {POOL_LIMIT // 2**20}: make it smaller")
+    if count * each > POOL_LIMIT:
+        raise ValueError(
+            f"{name}={count:,} maps of {each:,} bytes take {count * each / 2**20:,.0f} MiB for each seed; at most "
+            f"{POOL_LIMIT // each:,} of them are made at a time ({POOL_LIMIT // 2**20} MiB), and training goes on with "
+            "others (map_period)"
+        )

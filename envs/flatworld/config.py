@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from t2tl_jax import checks
 from t2tl_jax.env import EnvConfig
 
 EPISODE_LENGTH = 500
@@ -49,5 +50,6 @@ class FlatWorldConfig(EnvConfig):
     def __post_init__(self) -> None:
         if self.pool_size < 1:
             raise ValueError(f"pool_size is {self.pool_size}; a pool needs at least one start")
+        checks.pool("pool_size", self.pool_size, 8)
         if self.pool_seed < 0:
             raise ValueError(f"pool_seed is {self.pool_seed}; it must not be negative")

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from t2tl_jax import checks
 from t2tl_jax.env import EnvConfig
 
 EPISODE_LENGTH = 75
@@ -46,6 +47,7 @@ class LetterWorldConfig(EnvConfig):
             )
         if self.pool_size < 1:
             raise ValueError(f"pool_size is {self.pool_size}; a pool needs at least one map")
+        checks.pool("pool_size", self.pool_size if self.layout == "random" else 1, self.size**2)
         if self.pool_seed < 0:
             raise ValueError(f"pool_seed is {self.pool_seed}; it must not be negative")
 

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from envs.waterworld.params import ARENA, RADIUS, SPEED, TIME_STEP, VELOCITY_LIMIT
+from t2tl_jax import checks
 from t2tl_jax.env import EnvConfig
 
 EPISODE_LENGTH = 600
@@ -74,6 +75,8 @@ class WaterWorldConfig(EnvConfig):
             raise ValueError(f"map_number is {self.map_number}; maps are numbered from 0")
         if self.pool_size < 0:
             raise ValueError(f"pool_size is {self.pool_size}; it must be 0 (no pool) or more")
+        balls = self.balls_per_colour * len(self.colours)
+        checks.pool("pool_size", self.pool_size if self.layout == "random" else 1, 8 * (1 + 2 * balls))
         if len(self.radius_of_each_colour) != len(self.colours):
             raise ValueError(f"radii has {len(self.radii)} entries for {len(self.colours)} colours")
         if self.map_radii and len(self.map_radii) != len(self.colours):

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from envs.zones import layouts
+from t2tl_jax import checks
 from t2tl_jax.env import EnvConfig
 
 EPISODE_LENGTH = 1000
@@ -68,6 +69,8 @@ class ZoneConfig(EnvConfig):
             )
         if self.pool_size < 1:
             raise ValueError(f"pool_size is {self.pool_size}; a pool needs at least one map")
+        if self.layout == "random":
+            checks.pool("pool_size", self.pool_size, 8 * (1 + len(self.colour_of_each_disc)))
         if self.pool_seed < 0:
             raise ValueError(f"pool_seed is {self.pool_seed}; it must not be negative")
         unknown = sorted(set(self.colours) - set(layouts.COLOURS))

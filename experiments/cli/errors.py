@@ -11,12 +11,18 @@ from t2tl_jax.errors import Note, NotRegistered, UserError
 INVALID = 2
 """Exit code for input that cannot be used."""
 
+EXHAUSTED = "RESOURCE_EXHAUSTED"
+"""What the message of a JAX error begins with where the memory of a device is too small."""
+
+SMALLER = "some number of the configuration is too large for this machine, of environments, seeds, layers or maps say"
+
 
 def guarded(command: Callable[[], int]) -> int:
     """Run a command and turn expected errors into a message and an exit code.
 
     Returns:
-        What the command returns, ``INVALID`` after a ``UserError``, 130 after Ctrl-C outside of training.
+        What the command returns, ``INVALID`` after a ``UserError`` or where memory is too small, 130 after Ctrl-C
+        outside of training.
     """
     try:
         with warnings.catch_warnings():
@@ -27,6 +33,12 @@ def guarded(command: Callable[[], int]) -> int:
         print(f"error: {error}", file=sys.stderr)
         if isinstance(error, NotRegistered):
             print(f"{FLAG} MODULE imports a module of yours", file=sys.stderr)
+        return INVALID
+    except (MemoryError, RuntimeError) as error:
+        said = str(error).partition("\n")[0][:200]
+        if not isinstance(error, MemoryError) and not said.startswith(EXHAUSTED):
+            raise
+        print(f"error: there is not enough memory{f' ({said})' if said else ''}: {SMALLER}", file=sys.stderr)
         return INVALID
     except KeyboardInterrupt:
         print("\nstopped", file=sys.stderr)

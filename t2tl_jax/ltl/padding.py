@@ -9,7 +9,7 @@ from t2tl_jax.ltl import tokens as vocabulary
 from t2tl_jax.ltl.compiler.alphabet import check_count, letter_weights
 from t2tl_jax.ltl.compiler.automaton import Automaton
 from t2tl_jax.ltl.compiler.budget import Limits
-from t2tl_jax.ltl.compiler.parts import NODES_PER_ROW, check_entries, given_cuts, room_for, written
+from t2tl_jax.ltl.compiler.parts import NODES_PER_ROW, check_entries, check_tokens, given_cuts, room_for, written
 from t2tl_jax.ltl.compiler.steps import Steps
 from t2tl_jax.ltl.errors import TooLargeError
 from t2tl_jax.ltl.table import TaskTable
@@ -48,6 +48,7 @@ class Blank:
         self.cuts = given_cuts(rows, len(names), alphabet)
         self.room = (rows, *[nodes or NODES_PER_ROW * rows] * (len(self.cuts) - 2))
         check_entries(self.cuts, self.room, alphabet, limits or Limits())
+        check_tokens(rows, length, limits or Limits())
         self.tokens = np.zeros((rows, length), np.int32)
         self.tokens[:, 0] = vocabulary.OPERATOR_ID["False"]
         self.tokens[0, 0] = vocabulary.OPERATOR_ID["True"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from t2tl_jax.ltl import languages, renaming
 from t2tl_jax.ltl.compiler.automaton import Automaton, build
-from t2tl_jax.ltl.compiler.budget import Limits
+from t2tl_jax.ltl.compiler.budget import Limits, way_out
 from t2tl_jax.ltl.compiler.forest import Forest
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import TooLargeError
@@ -23,7 +23,8 @@ from t2tl_jax.ltl.padding import Blank
 from t2tl_jax.ltl.table import TaskTable
 
 DRAWS_PER_TASK = 50
-"""How often a formula may be drawn for each place of a pool before the caps count as too small."""
+"""How often a formula may be drawn for each place of a pool before the caps count as too small; of a pool with more
+places than rows, for each row, since every formula begins in a row of its own."""
 
 
 def compile_pool(
@@ -78,16 +79,18 @@ def compile_pool(
     draw = make_sampler(family, names)
     rng = random.Random(f"{family if isinstance(family, str) else repr(family)} {seed}")
     blank = Blank(names, alphabet, rows, length, nodes, limits)
+    _check_size(size, limits or Limits())
     limits = replace(limits or Limits(), max_rows=rows)
     builder = _Builder(blank, limits, progression, frozenset(unlike), frozenset(without), frozenset(held_out))
-    for _ in range(DRAWS_PER_TASK * size):
+    draws = DRAWS_PER_TASK * min(size, rows)
+    for _ in range(draws):
         if len(builder.initial_row) == size:
             return builder.table()
         builder.add(draw(rng))
     if len(builder.initial_row) >= (size if least is None else least):
         return builder.table(repeated_to=size if fill else 0)
     raise TooLargeError(
-        f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {DRAWS_PER_TASK * size} draws: '
+        f'{len(builder.initial_row)} of {size} formulas of "{family}" were found within {draws} draws: '
         f"{builder.reasons()}; raise the caps on tokens and rows{' and nodes' * bool(blank.room[1:])}, or ask for "
         "fewer formulas"
     )
@@ -121,6 +124,7 @@ def compile_weighted(
     """
     rng = random.Random(f"weighted {seed}")
     blank = Blank(tuple(propositions), alphabet, rows, length, nodes, limits)
+    _check_size(size, limits or Limits())
     limits = replace(limits or Limits(), max_rows=rows)
     builder = _Builder(blank, limits, progression, frozenset(), frozenset(without), frozenset(held_out))
     left = {number: weight for number, weight in enumerate(weights) if weight > 0}
@@ -139,6 +143,14 @@ def compile_weighted(
         drawn.append(number)
     builder.initial_row = [place_of[number] for number in drawn]
     return builder.table(), drawn
+
+
+def _check_size(size: int, limits: Limits) -> None:
+    if size > limits.max_cells:
+        raise TooLargeError(
+            f"a pool of {size:,} formulas is too large; the limit is max_cells={limits.max_cells:,}: ask for fewer "
+            f"(of a run --pool.size), or {way_out('max_cells', size)}"
+        )
 
 
 class _Builder:

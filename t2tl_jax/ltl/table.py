@@ -16,7 +16,7 @@ from t2tl_jax.ltl.compiler.alphabet import AT_MOST_ONE
 from t2tl_jax.ltl.compiler.automaton import Automaton, build, stride
 from t2tl_jax.ltl.compiler.budget import Limits
 from t2tl_jax.ltl.compiler.machine_automaton import build_machines
-from t2tl_jax.ltl.compiler.parts import check_entries, fitting_cuts, read, room_for, written
+from t2tl_jax.ltl.compiler.parts import check_entries, check_tokens, fitting_cuts, read, room_for, written
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.errors import LTLError, TooLargeError, no_formulas
 from t2tl_jax.ltl.formula import Formula
@@ -351,6 +351,7 @@ def _to_table(automaton: Automaton, length: int | None, limits: Limits) -> TaskT
             f"the longest row has {longest} tokens and does not fit into length={length}: give {longest} or more, or "
             f"none (of a run --task-length {longest}, or 0)"
         )
+    check_tokens(len(automaton.tokens), length, limits)
     tokens = np.zeros((len(automaton.tokens), length), np.int32)
     for index, row in enumerate(automaton.tokens):
         tokens[index, : len(row)] = row

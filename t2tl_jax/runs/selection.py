@@ -5,7 +5,8 @@ for a good policy. Where maps are random these are other maps, and where tasks a
 """
 
 import threading
-from collections.abc import Mapping
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
@@ -23,13 +24,15 @@ from t2tl_jax.training.seeds import SELECTION, stream_keys
 from t2tl_jax.training.types import Params
 
 
-def points(config: Config) -> tuple[int, ...]:
+def points(config: Config) -> Sequence[int]:
     """The iterations after which parameters are scored: evenly spaced over the second half, the last one among them.
 
     A run that may converge before that has as many in its first half.
     """
     parts = 2 * config.selection.points
     first = 1 if config.convergence.window else config.selection.points + 1
+    if parts >= config.iterations:  # every iteration from the first of them on, however many points were asked for
+        return range(-(-config.iterations * first // parts), config.iterations + 1)
     return tuple(sorted({-(-config.iterations * part // parts) for part in range(first, parts + 1)})) if parts else ()
 
 
@@ -137,7 +140,10 @@ class Selection:
 
     def is_near(self, iteration: int) -> bool:
         """Whether half of the way to the next parameters that are to be scored is done: time to compile for it."""
-        return any(self.competes(point) for point in self._points if iteration <= point <= 2 * iteration)
+        following = bisect_left(self._points, iteration)
+        if following == len(self._points):
+            return False
+        return self._points[following] <= 2 * iteration and self.competes(self._points[following])
 
     def add(self, iteration: int, params: Params, scores: Scores) -> None:
         """Let parameters compete."""

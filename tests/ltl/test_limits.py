@@ -58,6 +58,25 @@ def test_limits_of_machines_and_pools():
         compile_tasks("F(a & F b)", NAMES, length=4)
 
 
+def test_room_for_tokens_is_counted_before_it_is_taken():
+    said = r"4 rows of 2,000,000,000 tokens take 8,000,000,000 .*--task-length.*--limits.max-cells 8000000000\)"
+    with pytest.raises(TooLargeError, match=said):
+        compile_tasks("F(a & F b)", NAMES, length=2_000_000_000)
+    with pytest.raises(TooLargeError, match=r"64 rows of 2,000,000,000 tokens .*--pool.length"):
+        compile_pool("chains", NAMES, "at_most_one", 0, size=4, rows=64, length=2_000_000_000)
+    assert compile_tasks("F(a & F b)", NAMES, "at_most_one", length=9, limits=Limits(max_cells=36)).num_rows == 4
+    with pytest.raises(TooLargeError, match="max_cells=36"):
+        compile_tasks("F(a & F b)", NAMES, "at_most_one", length=10, limits=Limits(max_cells=36))
+
+
+def test_pools_with_more_places_than_rows_end_soon():
+    caps = {"rows": 8, "length": 30}
+    with pytest.raises(TooLargeError, match=r"of 1000000 formulas of .* within 400 draws"):
+        compile_pool("chains", NAMES, "at_most_one", 0, size=10**6, **caps)
+    with pytest.raises(TooLargeError, match=r"2,000,000,000 formulas is too large; .*--pool.size"):
+        compile_pool("chains", NAMES, "at_most_one", 0, size=2 * 10**9, **caps)
+
+
 def test_limits_are_checked():
     with pytest.raises(LTLError, match="max_rows must be at least 1, got 0"):
         Limits(max_rows=0)

@@ -31,7 +31,14 @@ def config(iterations, **changes):
     [(100, 10, range(55, 101, 5)), (7, 3, (5, 6, 7)), (7, 10, (4, 5, 6, 7)), (3, 1, (3,)), (1, 10, (1,)), (9, 0, ())],
 )
 def test_points_are_spread_over_the_second_half(iterations, count, expected):
-    assert selection.points(config(iterations, selection=SelectionConfig(points=count))) == tuple(expected)
+    assert tuple(selection.points(config(iterations, selection=SelectionConfig(points=count)))) == tuple(expected)
+
+
+@pytest.mark.parametrize("window", [0, 2])
+def test_no_more_points_are_looked_at_than_there_are_iterations(window):
+    asked = {"convergence": ConvergenceConfig(window=window), "selection": SelectionConfig(points=10**9)}
+    assert tuple(selection.points(config(6, **asked))) == ((1, 2, 3, 4, 5, 6) if window else (4, 5, 6))
+    assert selection.points(config(2 * 10**6, **asked))[-1] == 2 * 10**6
 
 
 def test_a_run_that_may_converge_has_points_in_its_first_half_too():

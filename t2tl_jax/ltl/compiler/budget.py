@@ -21,7 +21,7 @@ class Limits:
     max_rows: int = 4096
     """Rows of the table."""
     max_cells: int = 2**26
-    """Entries of the arrays in which letters are looked up; 2^26 are 256 MiB."""
+    """Entries of the arrays in which letters are looked up, and of that of the tokens; 2^26 are 256 MiB."""
     max_tokens: int = 10_000
     """Tokens of one row."""
     max_terms: int = 2_000

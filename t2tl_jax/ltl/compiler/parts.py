@@ -76,6 +76,16 @@ def check_entries(cuts: Sequence[int], room: Sequence[int], alphabet: str, limit
         )
 
 
+def check_tokens(rows: int, length: int, limits: Limits) -> None:
+    """Refuse an array of tokens with too many entries."""
+    if (count := rows * length) > limits.max_cells:
+        raise TooLargeError(
+            f"{rows:,} rows of {length:,} tokens take {count:,} entries; the limit is max_cells={limits.max_cells:,}: "
+            f"pad to fewer tokens (of a run --task-length, --run.table-length or --pool.length), or "
+            f"{way_out('max_cells', count)}"
+        )
+
+
 def entries(cuts: Sequence[int], room: Sequence[int], alphabet: str) -> int:
     """Entries of all arrays."""
     if alphabet == AT_MOST_ONE:

@@ -1,0 +1,36 @@
+"""How commands end that have not enough memory: in words, with the exit code of what cannot be used."""
+
+import jax
+import numpy as np
+import pytest
+
+from experiments.cli.errors import guarded
+
+
+def raises(error):
+    def command():
+        raise error
+
+    return command
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (lambda: np.zeros(2**55), "(Unable to allocate 256. PiB"),
+        (raises(MemoryError()), "not enough memory: some number"),
+        (
+            raises(jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory\nmore")),
+            "(RESOURCE_EXHAUSTED: Out of m",
+        ),
+    ],
+)
+def test_too_little_memory_is_told(command, said, capsys):
+    assert guarded(command) == 2
+    shown = capsys.readouterr().err
+    assert shown.startswith("error: there is not enough memory") and said in shown and shown.count("\n") == 1
+
+
+def test_other_errors_are_no_lack_of_memory():
+    with pytest.raises(RuntimeError, match="a mistake of ours"):
+        guarded(raises(RuntimeError("a mistake of ours")))
