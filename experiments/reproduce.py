@@ -135,7 +135,8 @@ def _main(texts: Sequence[str]) -> int:
                     every_world=runs[name].seeds == MAPS,
                 )
                 stored.keep_sizes(target)
-                met.keep(target, runs[name].suites)
+                if any_task:
+                    met.keep(target, runs[name].suites)
     finished = {
         name: run
         for name, run in stored.load(base).items()

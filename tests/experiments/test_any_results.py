@@ -14,7 +14,7 @@ import pytest
 
 import t2tl_jax
 import tests.fake_learner  # noqa: F401
-from envs.zones import OPEN, ZoneEnv
+from envs.zones import OPEN, OPEN_6, ZoneEnv
 from experiments.controls import NamesConfig, NamesTaskEncoder
 from experiments.paper import fixed_set
 from experiments.reproduction import stored, work
@@ -169,9 +169,35 @@ def test_what_training_met_is_counted_in_its_own_pools():
     )
     tasks = ["F Blue", "F(Blue & F Yellow)", "F(Blue | Green)"]
     shares = met.shares(config, {name: [formula] for name, formula in resolve_tasks(tasks).items()})
-    assert shares["renamed"] == {"F Blue": "1/1", "F(Blue & F Yellow)": "1/2", "F(Blue | Green)": "0/1"}
+    found = {"F Blue": "1/1", "F(Blue & F Yellow)": "1/2", "F(Blue | Green)": "0/1"}
+    assert shares["renamed"] == found | {met.OWN: shares["renamed"][met.OWN]}
     exactly, renamed = met.rows_trained_on(config, make_env(config.env))
     assert shares["rows"] == {"exactly": len(exactly), "renamed": len(renamed)} and len(renamed) < len(exactly)
+    own, (some, rows) = shares["own"], map(int, shares["renamed"][met.OWN].split("/"))
+    assert own["formulas"] == 6 and own["exactly"] == 0 and own["renamed"] > 0 and 0 < some <= rows
+    assert own["renamed"] + own["without a row met"] <= own["formulas"]
+
+
+def test_what_training_met_is_counted_in_other_worlds_too():
+    """A row that reads no more colours than there were may have been met under other names."""
+    config = replace(
+        named_config("zones_any"),
+        task=Chains((1, 1), (1, 1), (0, 1)),
+        pool=PoolConfig(size=6, rows=64, period=64, finish=True),
+    )
+    more = Suite("six colours", ("F Blue", "F Red", "F(Red & F Cyan)", "F(Red | Cyan)"), env=OPEN_6)
+    shares = met.shares(config, {}, met._elsewhere((more, Suite("here", ("F Green",)))))
+    names = [f"{task} (six colours)" for task in more.tasks]
+    assert [shares["renamed"][name] for name in names] == ["1/1", "1/1", "1/2", "0/1"]
+    assert [shares["exactly"][name] for name in names[1:]] == ["0/1", "0/2", "0/1"]
+    assert set(shares["renamed"]) == {*names, met.OWN}
+
+
+def test_of_a_run_on_one_task_nothing_is_counted(tmp_path):
+    met.keep(write(tmp_path / "one", CONFIG).path, ())
+    assert not (tmp_path / "one" / met.FILE).exists()
+    met.keep(tmp_path, ())
+    assert met.read(tmp_path)["rows"] == {}
 
 
 @pytest.mark.slow

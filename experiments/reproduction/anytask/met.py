@@ -4,7 +4,7 @@
 what was drawn by chance and what was kept out both count.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,20 @@ from experiments.paper import fixed_set
 from experiments.reproduction.anytask import tested
 from experiments.reproduction.anytask.suites import Suite
 from t2tl_jax.env import LabelledEnv
-from t2tl_jax.ltl import Formula, TaskTable, languages, renaming, resolve_tasks, row_languages, share
+from t2tl_jax.ltl import (
+    Formula,
+    TaskTable,
+    compile_tasks,
+    is_family,
+    languages,
+    renaming,
+    resolve_tasks,
+    row_languages,
+    share,
+)
+from t2tl_jax.ltl.compiler.steps import Steps
 from t2tl_jax.ltl.languages import Language
+from t2tl_jax.ltl.split import Share
 from t2tl_jax.registry import make_env
 from t2tl_jax.runs import config_files
 from t2tl_jax.runs.config import Config
@@ -24,6 +36,14 @@ from t2tl_jax.runs.pools import make_pools
 
 FILE = "met.json"
 """In the folder of a kept run."""
+
+OWN = "its own family"
+"""What the formulas are called, of the family of the training, that it is evaluated on."""
+
+Shares = dict[str, dict[str, Any]]
+"""``{"exactly": {task: "2/5"}, "renamed": {task: "3/5"}, "rows": {"exactly": 90, "renamed": 40}, "own": {...}}``: by
+language, and up to renaming of propositions. `own` counts the formulas of `OWN`: all of them, those that training met
+as a whole under their own names and up to renaming, and those of which it met no row up to renaming."""
 
 Rows = tuple[frozenset[Language], frozenset[Language]]
 """By language, and up to renaming of propositions."""
@@ -48,25 +68,84 @@ def _renamed(table: TaskTable, known: dict[Language, Language]) -> dict[Language
     return dict(zip(new, renaming.of_rows(automaton.steps, automaton.verdict, new.values()), strict=True))
 
 
-def shares(config: Config, tasks: dict[str, list[Formula]]) -> dict[str, dict[str, Any]]:
-    """How many of the open rows of some tasks a training met.
+def shares(config: Config, tasks: dict[str, list[Formula]], elsewhere: Iterable[tuple[Suite, str]] = ()) -> Shares:
+    """How many of the open rows of some tasks a training met, and of the formulas that it is evaluated on.
 
     Args:
         config: of the run.
-        tasks: by what they are called.
-
-    Returns:
-        ``{"exactly": {task: "2/5"}, "renamed": {task: "3/5"}, "rows": [by language, up to renaming]}``
+        tasks: in the world of the training, by what they are called.
+        elsewhere: suites in other worlds, and a task of each.
     """
     env = make_env(config.env)
     known = rows_trained_on(config, env)
-    found: dict[str, dict[str, Any]] = {"exactly": {}, "renamed": {}, "rows": {}}
+    found: Shares = {"exactly": {}, "renamed": {}, "rows": {}}
     for kind, renamed in (("exactly", False), ("renamed", True)):
         found["rows"][kind] = len(known[renamed])
         for name, formulas in tasks.items():
             rows = row_languages(formulas, env.propositions, env.alphabet, renamed=renamed)
             found[kind][name] = str(share(rows, known[renamed]))
-    return found
+    for suite, task in elsewhere:
+        assert suite.env is not None
+        name, there = tested.name_elsewhere(task, suite), make_env(suite.env)
+        found["exactly"][name], found["renamed"][name] = map(str, _met_elsewhere(task, there, env, known))
+    return found | _met_of_own(config, env, known, found)
+
+
+def _met_of_own(config: Config, env: LabelledEnv, known: Rows, found: Shares) -> Shares:
+    """The same shares with those of the pool of formulas that the run is evaluated on."""
+    pools = make_pools(config, env)
+    assert pools is not None
+    table = pools.evaluation
+    automaton, (exactly, renamed) = table.automaton(), known
+    open_rows = np.flatnonzero(automaton.verdict == 0).tolist()
+    exact = languages.of_rows(automaton.every_letter(), automaton.verdict, open_rows)
+    classes = renaming.of_rows(automaton.steps, automaton.verdict, open_rows)
+    language_of = dict(zip(open_rows, exact, strict=True))
+    class_of = dict(zip(open_rows, classes, strict=True))
+    starts = list(dict.fromkeys(np.asarray(table.initial_row).tolist()))
+    same = sum(language_of[start] in exactly for start in starts)
+    whole = sum(class_of[start] in renamed for start in starts)
+    unseen = sum(
+        not any(class_of[row] in renamed for row in _ahead(automaton.steps, start) if row in class_of)
+        for start in starts
+    )
+    return {
+        "exactly": found["exactly"] | {OWN: str(share(exact, exactly))},
+        "renamed": found["renamed"] | {OWN: str(share(classes, renamed))},
+        "own": {"formulas": len(starts), "exactly": same, "renamed": whole, "without a row met": unseen},
+    }
+
+
+def _ahead(steps: Steps, start: int) -> list[int]:
+    """A row, and all that it can become."""
+    found = {start: None}
+    waiting = [start]
+    while waiting:
+        fresh = [row for row in steps.outcomes_of(waiting.pop()) if row not in found]
+        found.update(dict.fromkeys(fresh))
+        waiting += fresh
+    return list(found)
+
+
+def _met_elsewhere(task: str, there: LabelledEnv, here: LabelledEnv, known: Rows) -> tuple[Share, Share]:
+    """What a training in one world met of a task of another, of more propositions: by language, and up to renaming.
+
+    What a row does not read is to it as if nothing were true, so that its language is compared in the world of the
+    training; a row that reads more propositions than that one has was not met.
+    """
+    table = compile_tasks(list(resolve_tasks([task]).values()), there.propositions, there.alphabet)
+    rows = np.flatnonzero(np.asarray(table.verdict) == 0).tolist()
+    met = [0, 0]
+    for row in rows:
+        (formula,) = resolve_tasks([table.text(row)]).values()
+        read, names = formula.propositions(), here.propositions
+        if set(read) <= set(names):
+            met[0] += row_languages([formula], names, here.alphabet, renamed=False)[0] in known[0]
+        if len(read) <= len(names):
+            others = [name for name in names if name not in read]
+            in_place = (*read, *others)[: len(names)]
+            met[1] += row_languages([formula], in_place, here.alphabet)[0] in known[1]
+    return Share(met[0], len(rows)), Share(met[1], len(rows))
 
 
 def _formulas(suites: tuple[Suite, ...], env: LabelledEnv) -> Iterator[tuple[str, list[Formula]]]:
@@ -84,14 +163,24 @@ def _formulas(suites: tuple[Suite, ...], env: LabelledEnv) -> Iterator[tuple[str
             yield from ((name, [formula]) for name, formula in resolve_tasks(suite.tasks).items())
 
 
+def _elsewhere(suites: tuple[Suite, ...]) -> list[tuple[Suite, str]]:
+    """The suites of other worlds, with each of their tasks."""
+    there = [suite for suite in suites if suite.env is not None and suite.manner == "each"]
+    return [(suite, task) for suite in there for task in suite.tasks]
+
+
 def keep(folder: Path, suites: tuple[Suite, ...]) -> None:
-    """Count what a kept run met of its suites, which takes a minute, and write it beside its other files."""
-    config = config_files.load(RunFolder(folder).config)
-    if suites:
-        write_json(folder / FILE, shares(config, dict(_formulas(suites, make_env(config.env)))))
+    """Count what a kept run met of its suites and of its own family, which takes a minute, and write it beside its
+    other files; nothing of a run on one task."""
+    file = RunFolder(folder).config
+    if not file.is_file():
+        return
+    config = config_files.load(file)
+    if is_family(config.task, (env := make_env(config.env)).propositions):
+        write_json(folder / FILE, shares(config, dict(_formulas(suites, env)), _elsewhere(suites)))
 
 
-def read(folder: Path) -> dict[str, dict[str, Any]]:
+def read(folder: Path) -> Shares:
     """What is stored of it; nothing where there is no file."""
     file = folder / FILE
     return read_json(file) if file.is_file() else {"exactly": {}, "renamed": {}, "rows": {}}

@@ -181,6 +181,11 @@ def name_of_all(family: str, count: int) -> str:
     return f"{family}, all {count}"
 
 
+def name_elsewhere(task: str, suite: Suite) -> str:
+    """What a task is called that is played in another world, or otherwise, too."""
+    return f"{task} ({suite.name})"
+
+
 def every_task(family: str, propositions: Sequence[str]) -> list[Formula]:
     """Every task of a small family, in an order of their texts; of a task, itself."""
     if not is_family(family, propositions):
