@@ -4,9 +4,11 @@ DeepLTL, RAD, GCRL-LTL and LTL2Action in DeepLTL's worlds are computed from resu
 3157200): five seeds with 500 episodes each, deterministic in ZoneEnv and sampled elsewhere. GenZ-LTL are its five
 shipped models (commit 2f7706c), which this project's authors played on 500 maps each in the closed form of the same
 physics, with its rules written again; ``discounted`` is their mean of 0.998 ** steps, 0 for an episode that fails.
-LTL2Action in its own walled world is read off a figure.
+What these episodes were is not stored, and neither are those of the scripted player. LTL2Action in its own walled world
+is read off a figure.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -14,12 +16,28 @@ from dataclasses import dataclass
 class Published:
     """One figure of one method."""
 
-    success: float
+    success: float | None
     steps: float | None = None
+    discounted: float | None = None
+    """Mean discounted return."""
 
     def text(self) -> str:
         """For a cell."""
-        return f"{self.success:.3f}" + ("" if self.steps is None else f", {self.steps:g}")
+        parts = (
+            "" if self.success is None else f"{self.success:.3f}",
+            "" if self.steps is None else f"{self.steps:.4g}",
+            "" if self.discounted is None else f"return {self.discounted:.3f}",
+        )
+        return ", ".join(part for part in parts if part)
+
+
+def mean_of(cells: Sequence[Published]) -> Published | None:
+    """The mean over tasks; None where one has no success, and no steps where one has none."""
+    successes = [cell.success for cell in cells if cell.success is not None]
+    steps = [cell.steps for cell in cells if cell.steps is not None]
+    if not cells or len(successes) < len(cells):
+        return None
+    return Published(sum(successes) / len(cells), sum(steps) / len(cells) if len(steps) == len(cells) else None)
 
 
 def _each(names: tuple[str, ...], *cells: tuple[float, float]) -> dict[str, Published]:
@@ -43,12 +61,23 @@ ZONES = {
         (*_Z, "long"),
         *((0.940, 470), (0.881, 474), (0.961, 399), (0.917, 305), (0.866, 337), (0.987, 149), (0.655, 490)),
     ),
+    "GCRL-LTL": _each(_Z, (0.852, 452), (0.847, 451), (0.892, 450), (0.872, 303), (0.851, 291), (0.894, 137)),
     "LTL2Action": _each(_Z, (0.595, 424), (0.142, 417), (0.667, 414), (0.690, 332), (0.660, 293), (0.930, 124)),
 }
 """The open ZoneEnv, by method and task."""
 
-ZONES_DISCOUNTED = {"GenZ-LTL": {"z": 0.646, "maps": 0.611}}
-"""Over z1 to z6, and over the 50 tasks on their maps."""
+ZONES_DISCOUNTED = {"GenZ-LTL": {"z1 to z6": 0.646}}
+"""Over several tasks."""
+
+ZONES_ON_MAPS = {"GenZ-LTL": Published(1.0, 251.7, 0.611)}
+"""The 50 tasks on their maps."""
+
+NOT_STORED = ("GenZ-LTL", "a script")
+"""Figures that nobody published: played by this project's authors, and their episodes are not stored."""
+
+JAXOLOTL_MINUTES = {"DeepLTL": (14.0 * 60, 8.2), "GenZ-LTL": (13.4 * 60, 3.7)}
+"""Training of ten seeds in a kinematic ZoneEnv on one RTX 5070 Ti: the original program's, and Jaxolotl's. From a
+summary of its paper."""
 
 STEP_BOUND = {"z1": 116, "z2": 128, "z3": 95, "z4": 105, "z5": 87, "z6": 71}
 """Fewest steps that the maps allow: straight lines at full thrust without a turn; means over 3,000 maps, computed."""

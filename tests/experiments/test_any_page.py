@@ -57,11 +57,16 @@ def test_the_page_shows_every_formula_beside_the_figures_of_others(zones):
     rows = cells(ITEMS["any-open"].section({"any-zones": zones}))
     assert rows["z1"][:2] == ["3/5", "4/5"] and rows["z2"][:2] == ["-", "-"]
     assert rows["z6"][2].startswith("0.950 [") and rows["z6"][3] == "0.900"
-    assert rows["z1"][-4:] == ["0.975, 314", "0.922, 303", "0.940, 470", "0.595, 424"]
+    assert rows["z1"][-6:] == ["0.975, 314", "0.922, 303", "0.940, 470", "0.852, 452", "0.595, 424", "116"]
+    assert rows["**z1 to z6**"][-6:] == [
+        *("0.989, 223, return 0.646", "0.931, 226.5", "0.925, 355.7", "0.868, 347.3", "0.614, 334", "-")
+    ]
+    assert "GenZ-LTL (not published: played by this project, not stored)" in rows["task"][-6]
     assert rows["**z1 to z6**"][2].startswith("0.988 [") and rows["**z1 to z6**"][3] == "0.900"
     asked = {name: row for name, row in rows.items() if row[-1] in ("reached", "**not reached**")}
     assert asked["success, worst seed and formula of z1 to z6"] == ["at least 0.97", "0.900 (z6)", "**not reached**"]
-    assert asked["steps, mean of z1 to z6"][-1] == "reached" and len(asked) == 4  # of the rest nothing was played
+    assert asked["steps, mean of z1 to z6"][-1] == "reached" and len(asked) == 5  # of the rest nothing was played
+    assert asked["seconds, training of all 2 seeds and compiling"] == ["under 300", "90", "reached"]
     assert ITEMS["any-open"].section({}) == ""
 
 
@@ -86,6 +91,70 @@ def test_levels_show_codes_side_by_side_and_what_was_not_played(zones):
     shown = dict(zip(heading, cells(table)["transformer"], strict=True))
     assert shown["state"] == "merged" and shown["z1 to z6"].startswith("0.99 [") and shown["deeper"] == "-"
     assert shown["texts exchanged"].startswith("0.10")
+
+
+def test_what_was_met_of_every_level_is_said_once_where_trainings_agree(tmp_path):
+    config = all_runs()["any-zones-broad-gru"].config
+
+    def made(name, **more):
+        run = write(tmp_path / name, config, seeds=(76, 77))
+        renamed = dict.fromkeys(suites.ZONE_Z, "1/2") | dict.fromkeys(suites.ZONE_WIDE, "9/9") | more
+        renamed[anytask.OWN] = "3/4"
+        (run.path / met.FILE).write_text(json.dumps({"exactly": {}, "renamed": renamed, "rows": {}}))
+        return run
+
+    runs = {f"{anycodes.BROAD}{name}": made(name) for name in ("gru", "rgcn")}
+    runs[f"{anycodes.BROAD}lookahead"] = made("lookahead", **{f"{task} (six colours)": "1/5" for task in suites.SIX})
+    said = anycodes.levels(runs)
+    row = cells(said)["**rows met, up to names: all**"]
+    shown = dict(zip(("same family", *anycodes.LEVELS), row[2:], strict=True))
+    assert shown["same family"] == "3/4" and shown["z1 to z6"] == "6/12" and shown["six colours"] == "3/15"
+    assert shown["wider"] == "27/27" and shown["deeper"] == "-"
+    assert "nearly every open row of wider (27/27): success there is hardly generalisation" in said
+    runs[f"{anycodes.BROAD}names"] = made("names", **dict.fromkeys(suites.ZONE_WIDE, "0/9"))
+    rows = cells(anycodes.levels(runs))
+    assert rows["**rows met, up to names: broad-names**"][5] == "0/27"
+    assert rows["**rows met, up to names: others**"][5] == "27/27"
+
+
+def test_codes_by_dynamic_programming_have_lines_of_their_own(tmp_path):
+    """What they come to before is no success, since nothing is played."""
+    runs, asked = {}, (*suites.ZONE_Z, *suites.ZONE_HARD)
+    for code, success in (("transformer", 0.97), ("gru", 0.9)):
+        for name, more in ((f"any-pretraining-solved-{code}", {"agreement": 0.98}), (f"any-zones-solved-{code}", {})):
+            runs[name] = write(tmp_path / name, all_runs()[name].config, seeds=(88, 89), success_rate=0.95, **more)
+            part = {"scale": "full", "tasks": {task: figures((success, success)) for task in asked}}
+            (runs[name].path / tested.FILE).write_text(json.dumps({"zones": part}))
+    broad = write(tmp_path / "broad", all_runs()["any-zones-broad-gru"].config, seeds=(76, 77))
+    said = anycodes.levels(runs | {"any-zones-broad-gru": broad})
+    table, *rest = said.split("\n\n")
+    names = list(cells(table))
+    apart = names.index("**codes by dynamic programming, seeds 88 to 97**")
+    assert names[apart - 1 :] == ["broad-gru", names[apart], "solved-transformer", "solved-gru"]
+    assert "The learning rates (0.002 of transformer, 0.003 of gru) were chosen on seeds 100 to 102" in said
+    assert "R-GCN and automaton were not trained so" in said and "there are no episodes, and so no success" in said
+    bars = {row: of[-1] for part in rest for row, of in cells(part).items() if "formula alone" in row}
+    assert list(bars.values()) == ["reached", "**not reached**"] and all("solved-" in bar for bar in bars)
+    before = cells(anycodes.read_alone(runs))["solved-gru"]
+    assert before[1].startswith("agreement 0.980 [") and before[0] == "2,000,064"
+    without = anycodes.levels({"any-zones-broad-gru": broad})
+    assert "dynamic programming" not in without and "R-GCN and automaton" not in without
+
+
+def test_what_memory_is_and_how_far_it_was_trained_is_said(tmp_path):
+    names = ("any-memory-t1tl", "any-memory-gru")
+    config, rate = all_runs()["any-memory-gru"].config, np.linspace(0.0, 0.8, 20)[None].repeat(2, 0)
+    runs = {name: write(tmp_path / name, config, (24, 25), iterations=20, success_rate=rate) for name in names}
+    said = anymemory.memory(names, runs).replace("\n", " ")
+    assert "holds the last 24 steps, in which the robot goes 0.7 m at most, where the lidar reaches 1.2 m" in said
+    assert (
+        "All had 0 million frames, agents of the broad family 80 and any-zones 100." in said
+        and "of 75-80 % and of 95-100 %" in said
+    )
+    assert "t1tl 0.632 to 0.800; gru 0.632 to 0.800. It rose until the end" in said
+    still = {name: write(tmp_path / f"{name}-2", config, (24, 25), iterations=20, success_rate=0.5) for name in names}
+    assert "It still rose of none." in anymemory.memory(names, still)
+    assert {"violation", "ended by env"} <= set(cells(said)["policy"])
 
 
 def test_what_can_be_read_alone_and_what_was_met_before(zones):
@@ -208,7 +277,7 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     families = True
     runs: Any = {name: SimpleNamespace(name=name, seeds=(1, 2, 3, 4), end=lambda what: {1: 0.5}) for name in success}
     said = anycodes.text_alone(runs)
-    assert "had not met: transformer 0.500, 0.250." in said and "are: transformer 0.500 (4 of 60)." in said
+    assert "under their own names: transformer 0.500, 0.250." in said and "are: transformer 0.500 (4 of 60)." in said
     families = False
     assert "family" not in anycodes.text_alone(runs)
     first = next(line for line in said.splitlines() if "beside the robot |" in line)

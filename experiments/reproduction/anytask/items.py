@@ -33,15 +33,16 @@ ANY_ITEMS: dict[str, Item] = {
         ("any-zones",),
         anytask.tasks_of_run(
             "any-zones",
-            published.ZONES,
+            anytask.OPEN_ZONES,
             anytask.ZONE_BARS,
             {"z1 to z6": suites.ZONE_Z, "g1 to s8": suites.ZONE_HARD},
+            anytask.MOST_SECONDS,
         ),
     ),
     "any-walled": Item(
         "The paper's walled ZoneEnv with MJX, random maps",
         ("any-walls",),
-        anytask.tasks_of_run("any-walls", bars=anytask.WALL_BARS),
+        anytask.tasks_of_run("any-walls", anytask.WALLED, anytask.WALL_BARS),
     ),
     "any-letterworld": Item(
         "LetterWorld, random maps",
