@@ -109,6 +109,15 @@ class LabelledEnv(Env):
     def labels(self, state: State) -> jax.Array:
         """Which propositions hold in ``state``: ``bool[P]``."""
 
+    def failed(self, state: State) -> jax.Array | None:
+        """Whether the physics failed in the step that led to `state`, if that state no longer shows it: ``bool[]``.
+
+        An environment that goes on with finite numbers in the place of broken ones says so here, and the seed is told
+        and frozen as one with a broken observation is. None, as by default, for one that hides nothing.
+        """
+        del state
+        return None
+
     @property
     @abc.abstractmethod
     def num_actions(self) -> int | None:

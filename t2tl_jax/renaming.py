@@ -71,6 +71,10 @@ class Renamed(LabelledEnv):
         """Which propositions hold under their names of this episode: ``bool[P]``."""
         return self.env.labels(self._hidden(state))[state.pipeline_state.order]
 
+    def failed(self, state: State) -> jax.Array | None:
+        """Whether the environment's physics did."""
+        return self.env.failed(self._hidden(state))
+
     def _hidden(self, state: State) -> State:
         """The state as the wrapped environment knows it, but for the observation, from which no step is made."""
         return state.replace(pipeline_state=state.pipeline_state.env)

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from brax.envs.base import Env, State
 from flax import struct
+from jax.typing import ArrayLike
 
 from t2tl_jax.env import EnvParams, LabelledEnv, Purpose
 from t2tl_jax.ltl import TaskTable
@@ -27,12 +28,13 @@ Labels = Literal["next", "state"]
 class TaskParams:
     """Everything that varies between seeds and tasks, as one pytree: an argument of `reset` and `step`, not a constant.
 
-    Over the seeds of a run `env` and `numbers` are stacked, and all of them share one `table`.
+    Over the seeds of a run `env`, `numbers` and `fault` are stacked, and all of them share one `table`.
     """
 
     env: EnvParams  # of the wrapped environment
     table: TaskTable  # the tasks
     numbers: dict[str, jax.Array] = struct.field(default_factory=dict)  # float32 scalars: see `training/numbers.py`
+    fault: ArrayLike | tuple[()] = ()  # int32, why the seed is frozen, 0 if it is not: see `training/guard.py`
 
 
 @struct.dataclass
@@ -138,6 +140,13 @@ class TaskEnv(Env):
             done=jnp.maximum(env_state.done, jnp.abs(table.verdict[row]).astype(jnp.float32)),
         )
         return after, shared
+
+    def failed(self, state: State, shared: Shared) -> jax.Array | None:
+        """Whether the environment's physics failed in the step that led to `state` and was `shared`; see there."""
+        own = state.replace(
+            pipeline_state=state.pipeline_state.env, reward=shared.reward, done=shared.ended.astype(jnp.float32)
+        )
+        return self.env.failed(own)
 
     def row(self, state: State) -> jax.Array:
         """The table row of the formula that is left: int32, of any batch of states."""

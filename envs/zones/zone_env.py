@@ -197,8 +197,8 @@ class ZoneEnv(LabelledEnv):
         """The state 20 ms later, on the map that the episode began on (`params` are not used).
 
         A physics failure (a state that is no longer finite) gives reward -10 and ends the episode; the robot is then
-        left at rest where the step began, so that observations and labels stay meaningful. Leaving the open arena gives
-        reward -1 and ends the episode.
+        left at rest where the step began, so that observations and labels stay meaningful; `failed` tells it. Leaving
+        the open arena gives reward -1 and ends the episode.
         """
         del params
         before: ZoneState = state.pipeline_state
@@ -219,6 +219,10 @@ class ZoneEnv(LabelledEnv):
         """Which colours the robot's origin stands in, within the radius, inclusive: ``bool[P]``."""
         zone_state: ZoneState = state.pipeline_state
         return sensors.inside(zone_state.qpos, zone_state.zones, self._label_groups, self.config.radius)
+
+    def failed(self, state: State) -> jax.Array:
+        """Whether the physics failed in the step that led to `state`, which nothing else is paid so little for."""
+        return state.reward == FAILURE_REWARD
 
     @property
     def _open(self) -> bool:

@@ -9,7 +9,7 @@ import logging
 import os
 import shutil
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,7 +27,8 @@ Item = Literal["latest", "best", "selection"]
 """Sets of parameters: the latest ones, the best ones if the run ends here, and what it has selected if it goes on."""
 
 KEPT = 2
-"""How many checkpoints a run keeps: the latest, and the one before it in case the disk loses a file."""
+"""How many checkpoints a run keeps: the latest, and the one before it in case the disk loses a file. Where a seed
+broke, the last one from before stays beside them."""
 
 STATE, REPLAY, STORED = "state", "replay", "stored"
 """Names on disk: the training state, what of it is replay, and in the JSON object what there is to know of both."""
@@ -87,7 +88,7 @@ class Checkpoints:
         me = hosts.index()
         alone = ocp.options.MultiprocessingOptions(me, {me}, f"process{me}")
         options = ocp.CheckpointManagerOptions(
-            max_to_keep=KEPT, create=False, enable_async_checkpointing=False, multiprocessing_options=alone
+            create=False, enable_async_checkpointing=False, multiprocessing_options=alone
         )
         names = (STATE, REPLAY, *get_args(Item))
         handlers = {name: ocp.StandardCheckpointHandler(multiprocessing_options=alone) for name in names}
@@ -146,6 +147,7 @@ class Checkpoints:
         replay: str = "",
         last: bool = False,
         seeds: int | None = None,
+        broken: int | None = None,
     ) -> None:
         """Copy what belongs to a checkpoint to the host, and write it in a thread. Waits for the one before it.
 
@@ -159,6 +161,7 @@ class Checkpoints:
             replay: field of the state that holds what was experienced; '' if none does.
             last: leave the replay out, here and in the checkpoint before: nothing is to follow.
             seeds: how many there are, where leading axes of the state are filled up beyond that; by default all.
+            broken: the iteration in which a seed broke, the first one; the last checkpoint from before it is kept.
 
         Raises:
             CheckpointError: if the checkpoint before this one could not be written.
@@ -173,7 +176,7 @@ class Checkpoints:
         if not hosts.is_first():
             return
         about = dict(info)  # the training goes on, and may change its own
-        self._writing = self._writer.submit(self._write, iteration, on_host, about, kept)
+        self._writing = self._writer.submit(self._write, iteration, on_host, about, kept, broken)
 
     def read(self, wanted: Callable[[dict[str, Any]], Mapping[str, Any]], replay: str = "") -> Stored:
         """Some items of the newest checkpoint in which all of them can be read.
@@ -241,7 +244,9 @@ class Checkpoints:
             )
         return iterations
 
-    def _write(self, iteration: int, trees: Mapping[str, Any], info: dict[str, Any], kept: str) -> None:
+    def _write(
+        self, iteration: int, trees: Mapping[str, Any], info: dict[str, Any], kept: str, broken: int | None
+    ) -> None:
         """The work of the thread."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -252,6 +257,8 @@ class Checkpoints:
             manager = self._open()
             manager.save(iteration, args=ocp.args.Composite(**items), force=True)
             manager.wait_until_finished()
+            for step in superfluous(manager.all_steps(), broken):
+                manager.delete(step)
             if kept == "left out":
                 for other in self.folder.glob(f"*/{REPLAY}"):
                     shutil.rmtree(other, ignore_errors=True)
@@ -320,6 +327,18 @@ class Checkpoints:
             "It is damaged, or was written by another version or configuration. Checkpoints present: "
             f"{', '.join(map(str, self.iterations()))}."
         )
+
+
+def superfluous(iterations: Iterable[int], broken: int | None = None) -> list[int]:
+    """Which checkpoints give way: all but the latest ones and, where a seed broke, the last one from before.
+
+    Args:
+        iterations: those that are complete.
+        broken: the first iteration in which something was not finite; None for none.
+    """
+    known = sorted(iterations)
+    good = [] if broken is None else [step for step in known if step < broken][-1:]
+    return [step for step in known[:-KEPT] if step not in good]
 
 
 def _without(state: Any, replay: str) -> Any:

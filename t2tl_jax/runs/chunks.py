@@ -109,9 +109,9 @@ def in_chunks(program: Program, compiled: Compiled, count: int) -> Compiled:
         """What a function gives for every group: its first seed, the one behind its last, and the result."""
         for start, end in parts:
             group = np.minimum(np.arange(start, start + width), count - 1)
-            own = replace(env_params, env=_taken(env_params.env, group), numbers=_taken(env_params.numbers, group))
+            stacked = {name: _taken(getattr(env_params, name), group) for name in ("env", "numbers", "fault")}
             given = place(_taken(first, group), program.sharding)
-            yield start, end, function(given, place_params(own, program.sharding))
+            yield start, end, function(given, place_params(replace(env_params, **stacked), program.sharding))
 
     def init(keys: jax.Array, env_params: TaskParams) -> Any:
         state: Any = None

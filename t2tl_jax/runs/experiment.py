@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import jax
+import numpy as np
 from jax.sharding import NamedSharding
 
 from t2tl_jax.agents.plan import planning
@@ -88,12 +89,13 @@ class Experiment:
         """What varies between the seeds, stacked with leading axis [seeds], and the one table of all of them.
 
         Where maps or tasks are random, each purpose has its own. An evaluation is of one configuration, which the
-        learner was made from; elsewhere the numbers of each lane come in as well.
+        learner was made from; elsewhere the numbers of each lane come in as well. In training no seed is frozen yet.
         """
         table, numbers = self.table, None if purpose == "evaluation" else self.numbers
         if self.pools is not None and purpose != "evaluation":
             table = self.table_at(0) if purpose == "training" else self.pools.selection()
-        return params_of_seeds(TaskEnv(self.env, table), self.seeds, purpose, numbers)
+        given = params_of_seeds(TaskEnv(self.env, table), self.seeds, purpose, numbers)
+        return replace(given, fault=np.zeros(len(self.seeds), np.int32)) if purpose == "training" else given
 
     @property
     def renews_maps(self) -> bool:
@@ -140,11 +142,11 @@ class Experiment:
         if not 0 < width < len(self.seeds):
             return self.program
         own = self.env_params("training")
-        env, numbers = jax.tree.map(lambda x: x[:width], (own.env, own.numbers))
+        env, numbers, fault = jax.tree.map(lambda x: x[:width], (own.env, own.numbers, own.fault))
         return trace(
             self.agent,
             self.seeds[:width],
-            replace(own, env=env, numbers=numbers),
+            replace(own, env=env, numbers=numbers, fault=fault),
             restartable=self.pools is not None,
             sharding=seed_sharding(width, self.agent.num_envs, self.config.run.devices_per_seed),
         )

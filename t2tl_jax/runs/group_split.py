@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import jax
 
+from t2tl_jax.runs import faults, pretraining
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder
@@ -54,6 +54,7 @@ def split(experiment: "Group", group: RunFolder, runs: Mapping[Path, Config]) ->
         with Checkpoints(run.checkpoints) as checkpoints:
             own = {name: value for name, value in info.items() if name != "watch"}  # of all lanes
             own |= {"seeds": list(experiment.seeds_of_one)}
+            own[faults.NAME] = faults.of_lanes(info.get(faults.NAME, {}), experiment.lanes[part], own["seeds"])
             own |= {name: _sliced_info(info[name], part) for name in ("best", "selection")}
             sets = _sliced(state, part), own, _sliced(best, part), _sliced(selection, part)
             checkpoints.save(done, *sets, replay=replay, last=stored.lacks_replay)
@@ -97,6 +98,8 @@ def _status(group: RunFolder, path: Path, part: slice, experiment: "Group") -> d
         "success_since_frames": status["success_since_frames"][part],
         "group": {"runs": count, "lanes": len(experiment.lanes)},
     }
+    broken = faults.of_lanes(status.pop(faults.NAME, {}), experiment.lanes[part], experiment.seeds_of_one)
+    status |= {faults.NAME: broken} if broken else {}
     if "last_session" in status:
         speed = status["last_session"]["frames_per_second_all_seeds"] / count
         status["last_session"] = status["last_session"] | {"frames_per_second_all_seeds": round(speed, 1)}

@@ -32,6 +32,7 @@ from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.runs.success import SuccessWatch, window
 from t2tl_jax.runs.tensorboard import TensorBoardLogger
 from t2tl_jax.runs.thinning import Thinning
+from t2tl_jax.task_env import TaskParams
 from t2tl_jax.training import hosts, transfer
 from t2tl_jax.training.devices import place
 from t2tl_jax.training.program import place_params
@@ -152,6 +153,7 @@ class Training:
             info, stored_rows = stored.info, stored.info.get("rows", {})
             self.progress.last_row = stored_rows.get("last", stored.iteration)  # early versions had every row
             earlier = self._earlier(stored.iteration, self.progress.last_row)
+        faults.restore(self.progress, info.get(faults.NAME, {}))
         if isinstance(config.task, Curriculum):
             self.lessons = Lessons(config.task, config.pool.period, config.pool.size, info.get("lessons"))
         seeds = len(experiment.lanes)
@@ -288,13 +290,23 @@ class Training:
         """
         experiment, progress = self.experiment, self.progress
         program, config, frames = experiment.program, experiment.config, progress.frames_per_iteration
-        env_params = program.env_params
+        env_params, fault = program.env_params, faults.codes(progress)
+        if fault.any():
+            env_params = place_params(replace(env_params, fault=fault), program.sharding)
         tables, lessons = experiment.pools, self.lessons
         lesson_of = lessons.of if lessons is not None else lambda number: Lesson()
         pools = self._pools_ahead(tables, lesson_of)
         maps = Prefetch(experiment.maps)
         optima: dict[int, list[float]] = {}
+        frozen = env_params.fault
         begin = time.monotonic()
+
+        def iterate(state: Any, env_params: TaskParams) -> tuple[Any, Metrics]:
+            """The program, which is given the faults that it found before: they need not come by the host."""
+            nonlocal frozen
+            state, metrics = compiled.iterate(state, replace(env_params, fault=frozen))
+            frozen = metrics.fault
+            return state, metrics
 
         def prepare(done: int, state: Any) -> tuple[Any, Any]:
             nonlocal env_params
@@ -354,6 +366,7 @@ class Training:
                 info |= {"best": best and best.info(), "selection": going_on and going_on.info()}
                 info |= {"lessons": lessons.state()} if lessons is not None else {}
                 info |= {"rows": self.thinning.info(), "width": self.width}
+                info[faults.NAME] = progress.notes.get(faults.NAME, {})
                 if self.thinning.stride > 1:
                     info["watch"] = {"success": self.success.info(), "convergence": self.convergence.info()}
                 self.checkpoints.save(
@@ -361,6 +374,7 @@ class Training:
                     replay=experiment.agent.replay,
                     seeds=program.count,
                     last=over and not config.run.keep_replay,
+                    broken=faults.first(progress),
                 )
             progress.checkpoint_seconds += time.monotonic() - now
 
@@ -371,7 +385,7 @@ class Training:
         with pools, maps:
             hooks = loop.Hooks(self._select, record, save, stopping, prepare)
             period = config.run.checkpoint_period if self.checkpoints is not None else float("inf")
-            done, state = loop.run_loop(compiled.iterate, state, progress.done, progress.iterations, period, hooks)
+            done, state = loop.run_loop(iterate, state, progress.done, progress.iterations, period, hooks)
         self._abandon_scorer()
         if self.checkpoints is not None:
             self.checkpoints.wait()

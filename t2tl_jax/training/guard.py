@@ -1,11 +1,14 @@
 """Numbers that are not finite: noticed inside the compiled program, and named with their cause.
 
-What keeps them out of the parameters is the optimiser (`clipped`): a gradient step whose gradient is not finite
-changes no parameter. A seed whose losses stay broken therefore keeps the parameters that it had, and the seeds beside
-it do not notice. A learner with an optimiser of its own has to see to that itself; what is not finite is told of any.
+A seed in which they are found is frozen (`watched`): it keeps the state that it had before that iteration, whatever
+learner it is of, and the seeds beside it do not notice. The fault comes back with the parameters of the next iteration,
+so no seed thaws when maps or tasks change. What replay holds is not kept, since a copy of it would cost: a frozen seed
+learns nothing from it. Beside that, a gradient step of the optimiser here whose gradient is not finite changes no
+parameter (`clipped`), for those who call a learner without the guard.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from enum import IntEnum
 from typing import Any
 
@@ -15,6 +18,7 @@ import optax
 
 from t2tl_jax.task_env import TaskParams
 from t2tl_jax.training.types import Agent, Metrics, Params
+from t2tl_jax.training.unroll import FAILED
 
 
 class Fault(IntEnum):
@@ -23,7 +27,7 @@ class Fault(IntEnum):
     NONE = 0
     """Everything was finite that is looked at."""
     ENVIRONMENT = 1
-    """An observation of an environment is NaN at the end of the iteration."""
+    """An environment's physics failed, or an observation is not finite at the end of the iteration."""
     LOSS = 2
     """A scalar that is called a loss."""
     GRADIENT = 3
@@ -31,7 +35,7 @@ class Fault(IntEnum):
 
 
 CAUSES = {
-    Fault.ENVIRONMENT: "the observation of an environment was not a number",
+    Fault.ENVIRONMENT: "the physics of an environment failed, or its observation was not finite",
     Fault.LOSS: "the loss was not finite",
     Fault.GRADIENT: "the gradient was not finite",
 }
@@ -65,26 +69,44 @@ def clipped(optimizer: optax.GradientTransformation, max_norm: float | jax.Array
 
 
 def watched(agent: Agent) -> Agent:
-    """The same learner, whose `iterate` says in `Metrics.fault` what was not finite.
+    """The same learner, whose `iterate` says in `Metrics.fault` what was not finite, and then keeps its state.
 
-    Looked at are the scalars whose names hold "loss" or "gradient", and the observations of a learner that keeps its
-    environments in a field `episodes` of its state.
+    Looked at are the scalars whose names hold "loss" or "gradient", what an environment says of its physics
+    (`LabelledEnv.failed`), and the observations of a learner that keeps its environments in a field `episodes` of its
+    state. A seed is frozen by what is found, or by `TaskParams.fault`, which it is given back. Its scalars and episodes
+    are those of the iteration that it tries and does not keep.
     """
 
     def iterate(state: Any, env_params: TaskParams) -> tuple[Any, Metrics]:
-        state, metrics = agent.iterate(state, env_params)
-        observed = getattr(getattr(getattr(state, "episodes", None), "state", None), "obs", ())
+        after, metrics = agent.iterate(state, env_params)
+        scalars = dict(metrics.scalars)
+        failed = scalars.pop(f"env_{FAILED}", jnp.float32(0))
+        observed = getattr(getattr(getattr(after, "episodes", None), "state", None), "obs", ())
         found = (
-            (any_where(jnp.isnan, observed), Fault.ENVIRONMENT),
-            (any_where(_not_finite, _named(metrics.scalars, "loss")), Fault.LOSS),
-            (any_where(_not_finite, _named(metrics.scalars, "gradient")), Fault.GRADIENT),
+            (any_where(_not_finite, observed) | (failed != 0), Fault.ENVIRONMENT),
+            (any_where(_not_finite, _named(scalars, "loss")), Fault.LOSS),
+            (any_where(_not_finite, _named(scalars, "gradient")), Fault.GRADIENT),
         )
         fault = jnp.int32(Fault.NONE)
         for is_found, cause in reversed(found):
             fault = jnp.where(is_found, jnp.int32(cause), fault)
-        return state, metrics.replace(fault=fault)  # type: ignore[attr-defined]
+        earlier = getattr(env_params, "fault", ())
+        if not isinstance(earlier, tuple):
+            fault = jnp.where(jnp.asarray(earlier) != Fault.NONE, earlier, fault)
+        after = _chosen(fault == Fault.NONE, after, state, agent.replay)
+        return after, metrics.replace(scalars=scalars, fault=fault)  # type: ignore[attr-defined]
 
     return agent._replace(iterate=iterate)
+
+
+def _chosen(is_good: jax.Array, after: Any, before: Any, replay: str) -> Any:
+    """`after` if that is good, else `before`, but for the replay."""
+    new, old = (jax.tree.map(lambda x: (x.shape, x.dtype), tree) for tree in (after, before))
+    if new != old:  # a learner that changes the form of its state, which whoever traces it tells
+        return after
+    if replay:
+        before = replace(before, **{replay: getattr(after, replay)})
+    return jax.tree.map(lambda new, old: new if new is old else jnp.where(is_good, new, old), after, before)
 
 
 def any_where(test: Any, tree: Any) -> jax.Array:

@@ -15,9 +15,9 @@ from t2tl_jax.training.devices import SEEDS, fetched, padded, put
 from t2tl_jax.training.seeds import TRAINING, stream_keys
 from t2tl_jax.training.types import Agent
 
-OVER_SEEDS = TaskParams(env=0, table=None, numbers=0)  # type: ignore[arg-type]
-"""Axes of the parameters that all seeds are given: what the environment varies is stacked, as are the numbers, and the
-table is the same."""
+OVER_SEEDS = TaskParams(env=0, table=None, numbers=0, fault=0)  # type: ignore[arg-type]
+"""Axes of the parameters that all seeds are given: what the environment varies is stacked, as are numbers and
+faults, and the table is the same."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,7 @@ def place_params(env_params: TaskParams, sharding: NamedSharding | None) -> Task
     return env_params.replace(  # type: ignore[attr-defined]
         env=put(padded(env_params.env, sharding), sharding),
         numbers=put(padded(env_params.numbers, sharding), sharding),
+        fault=put(padded(env_params.fault, sharding), sharding),
         table=put(env_params.table, table),
     )
 
@@ -150,7 +151,7 @@ def _placement(sharding: NamedSharding | None) -> Any:
     if sharding is None:
         return None
     table = NamedSharding(sharding.mesh, PartitionSpec())
-    return TaskParams(env=sharding, table=table, numbers=sharding)  # type: ignore[arg-type]
+    return TaskParams(env=sharding, table=table, numbers=sharding, fault=sharding)  # type: ignore[arg-type]
 
 
 def _strongly_typed(tree: Any) -> Any:

@@ -61,7 +61,7 @@ class Metrics:
     episodes: EpisodeTotals
     scalars: dict[str, jax.Array]
     tasks: TaskTotals | None = None  # where the table holds two pools, see `ltl/turns.py`
-    fault: jax.Array | int = 0  # int32, for the runner to fill in, see `training/guard.py`
+    fault: jax.Array | int = 0  # int32, for `training/guard.py` to fill in
 
 
 class TrainState(Protocol):

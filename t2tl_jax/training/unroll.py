@@ -19,6 +19,9 @@ from t2tl_jax.ltl import TaskTable
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 from t2tl_jax.training.types import Agent, AgentCarry, EpisodeTotals, Params, TaskTotals, repeated
 
+FAILED = "physics_failed"
+"""Among the metrics of a step's state, where the environment says it: whether its physics failed, bool[N]."""
+
 
 @struct.dataclass
 class Episode:
@@ -42,7 +45,7 @@ class Step:
     carry: AgentCarry  # what the policy knew then
     action: jax.Array  # [N, A], or int32[N]
     extras: Any  # what the policy says about its choice, such as the action's density
-    state: State  # s'
+    state: State  # s', with `FAILED` among its metrics
     shared: Shared  # what every other row of the table can be progressed and paid by
     terminated: jax.Array  # bool, a verdict was reached, or the environment ended the episode
     truncated: jax.Array  # bool, cut by the time limit and not terminated
@@ -118,6 +121,7 @@ def advance(
     before = episodes.state
     action, chosen, extras = policy.act(carry, before, act_key)
     after, shared = jax.vmap(partial(env.step_for_all, params=env_params))(before, action)
+    failed = jax.vmap(env.failed)(after, shared)
 
     moved = dataclasses.replace(
         episodes,
@@ -135,7 +139,7 @@ def advance(
         carry=carry,
         action=action,
         extras=extras,
-        state=after,
+        state=after if failed is None else after.replace(metrics={**after.metrics, FAILED: failed}),
         shared=shared,
         terminated=terminated,
         truncated=truncated,

@@ -1,5 +1,6 @@
-"""Gradients that are not finite change nothing, the cause is named, and other seeds go on."""
+"""What is not finite is named, its seed is frozen, the other seeds go on, and healthy ones are as without a guard."""
 
+import json
 from dataclasses import replace
 
 import chex
@@ -10,14 +11,26 @@ import optax
 import pytest
 from flax import struct
 
+from envs.zones.config import ZoneConfig
+from envs.zones.zone_env import ZoneEnv
+from t2tl_jax.agents.ppo import make_ppo
+from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.registry import AGENTS, Kind
+from t2tl_jax.renaming import Renamed
 from t2tl_jax.runs.callbacks import Callback
-from t2tl_jax.runs.train import train
+from t2tl_jax.runs.checkpoints import Checkpoints, superfluous
+from t2tl_jax.runs.train import resume, train
+from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.guard import CAUSES, Fault, watched
 from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics
+from t2tl_jax.training.unroll import FAILED, Player, advance, begin
 from tests import fake_agent
+from tests.agents.sizes import PPO
+from tests.agents.test_ppo import ONE_HOT
 from tests.fake_learner import CONFIG
+from tests.parameters import begun_quickly
+from tests.probe import DiscreteProbeEnv
 
 NAN, INF = float("nan"), float("inf")
 NOBODY = EpisodeTotals(*[jnp.int32(0)] * 5, *[jnp.float32(0)] * 4)
@@ -42,7 +55,9 @@ class State:
     ("obs", "scalars", "fault"),
     [
         (0.0, {}, Fault.NONE),
-        (INF, {"entropy": NAN}, Fault.NONE),
+        (0.0, {"entropy": NAN, "env_effort": 1.0, "env_physics_failed": 0.0}, Fault.NONE),
+        (INF, {}, Fault.ENVIRONMENT),
+        (0.0, {"value_loss": INF, "env_physics_failed": 1e-9}, Fault.ENVIRONMENT),
         (0.0, {"gradient_norm": INF}, Fault.GRADIENT),
         (0.0, {"gradient_norm": NAN, "value_loss": NAN}, Fault.LOSS),
         (NAN, {"value_loss": INF}, Fault.ENVIRONMENT),
@@ -75,6 +90,41 @@ def test_a_gradient_that_is_not_finite_changes_nothing(bad):
     chex.assert_tree_all_finite((params, state))
 
 
+@pytest.mark.parametrize("arena", ["walled", "open"])
+def test_a_physics_failure_is_told_though_the_state_is_made_good(arena):
+    """Of the step alone: what goes on, and is stored, has the form that it had before. Leaving the arena is none."""
+    zones = ZoneEnv(ZoneConfig(physics="closed_form", arena=arena, layout="random", pool_size=4))
+    env = TaskEnv(Renamed(zones), compile_tasks("F Red", zones.propositions, zones.alphabet))
+    given = env.make_params(0)
+    broken = jnp.array([False, True, False])
+
+    def act(carry, state, key):
+        return jnp.where(broken[:, None], NAN, jnp.ones((3, 2))), carry, ()
+
+    def played(key):
+        start = begin(env, given, key, 3, limit=9)
+        robot = start.state.pipeline_state.env.env.robot
+        qpos = robot.qpos.at[2].set(jnp.array([3.299, 0.0, 0.0])) if arena == "open" else robot.qpos
+        qvel = robot.qvel.at[2].set(jnp.array([9.0, 0.0, 0.0])) if arena == "open" else robot.qvel
+        robot = robot.replace(qpos=qpos, qvel=qvel)
+        pipeline = start.state.pipeline_state
+        inner = pipeline.env.replace(env=pipeline.env.env.replace(robot=robot))
+        start = start.replace(state=start.state.replace(pipeline_state=pipeline.replace(env=inner)))
+        after, _, step = advance(env, given, Player(act), start, (), key, 9, 0.9)
+        return start, after, step
+
+    start, after, step = jax.jit(played)(jax.random.key(0))
+    np.testing.assert_array_equal(step.state.metrics[FAILED], broken)
+    np.testing.assert_array_equal(step.terminated, [False, True, arena == "open"])
+    chex.assert_trees_all_equal_shapes_and_dtypes(start, after)
+    chex.assert_tree_all_finite((step.state.obs, after.state.obs))
+
+
+def test_an_environment_that_hides_nothing_says_nothing():
+    env = DiscreteProbeEnv()
+    assert env.failed(env.reset(jax.random.key(0))) is None
+
+
 class Ends(Callback):
     """Keeps what is noted at the end."""
 
@@ -82,29 +132,127 @@ class Ends(Callback):
         self.notes = dict(progress.notes)
 
 
-def test_a_broken_seed_is_told_once_and_its_iterations_are_counted(monkeypatch, recwarn):
-    def spoiling(*given):
-        agent = fake_agent.make_agent(*given)
+def spoiling(*given):
+    """The fake learner whose losses are NaN in some seeds from some iteration on, and its parameters then, too."""
+    agent = fake_agent.make_agent(*given)
 
-        def iterate(state, env_params):
-            after, metrics = agent.iterate(state, env_params)
-            spoiled = (jax.random.key_data(state.key)[-1] % 2 == 0) & (state.iteration >= 1)
-            loss = jnp.where(spoiled, NAN, metrics.scalars["loss"])
-            return after, Metrics(metrics.episodes, metrics.scalars | {"loss": loss})
+    def iterate(state, env_params):
+        after, metrics = agent.iterate(state, env_params)
+        spoiled = (jax.random.key_data(state.key)[-1] % 8 == 0) & (state.iteration >= 1)
+        loss = jnp.where(spoiled, NAN, metrics.scalars["loss"])
+        params = jax.tree.map(lambda x: jnp.where(spoiled, NAN, x), after.params)
+        return after.replace(params=params), Metrics(metrics.episodes, metrics.scalars | {"loss": loss})
 
-        return agent._replace(iterate=iterate)
+    return agent._replace(iterate=iterate)
 
+
+@pytest.fixture
+def spoiled(monkeypatch):
+    monkeypatch.setitem(AGENTS._kinds, "fake", Kind(fake_agent.FakeConfig, spoiling))
+
+
+BROKEN = replace(CONFIG, frames=800, seeds="4")
+
+
+def test_a_broken_seed_is_told_once_and_frozen_and_the_others_go_on(monkeypatch, recwarn):
+    healthy = train(BROKEN)
     monkeypatch.setitem(AGENTS._kinds, "fake", Kind(fake_agent.FakeConfig, spoiling))
     ends = Ends()
-    result = train(replace(CONFIG, frames=800, seeds="4"), callbacks=[ends])
+    result = train(BROKEN, callbacks=[ends])
     broken = np.isnan(result.metrics["loss"])  # [seeds, iterations]
     told = ends.notes["faults"]
-    assert broken.any() and {seed: entry["iterations"] for seed, entry in told.items()} == {
-        str(seed): int(count) for seed, count in enumerate(broken.sum(axis=1)) if count
-    }
-    for seed, entry in told.items():
-        assert entry["iteration"] == 1 + broken[int(seed)].argmax() and entry["cause"] == CAUSES[Fault.LOSS]
-    assert sum("the loss was not finite" in str(warning.message) for warning in recwarn) == len(told)
+    assert 0 < len(told) < 4 and set(told) == {str(seed) for seed in np.flatnonzero(broken.any(axis=1))}
+    assert sum("the loss was not finite. The seed is frozen" in str(warning.message) for warning in recwarn) == len(
+        told
+    )
+
+    def params_of(run, seed):
+        return jax.tree.map(lambda x: x[seed], run.params["final"])
+
+    for seed in range(4):
+        params = params_of(result, seed)
+        if str(seed) not in told:
+            chex.assert_trees_all_equal(params, params_of(healthy, seed))
+            continue
+        first = 1 + int(broken[seed].argmax())
+        assert told[str(seed)] == {"iteration": first, "frames": 100 * first, "cause": CAUSES[Fault.LOSS]}
+        assert broken[seed, first - 1 :].all()
+        before = train(replace(BROKEN, frames=100 * (first - 1), seeds=f"{seed},"))
+        # The learning rate does not depend on the number of frames.
+        chex.assert_trees_all_close(params, params_of(before, 0), rtol=1e-6)
+
+
+def test_a_frozen_seed_stays_so_when_what_broke_it_is_gone():
+    def iterate(state, env_params):
+        loss = jnp.where(env_params.env, NAN, 0.0)
+        return {"replay": state["replay"] + 1, "w": state["w"] + 1}, Metrics(NOBODY, {"loss": loss})
+
+    step = jax.jit(watched(Agent(None, iterate, None, None, 1)).iterate)
+    state, given = {"replay": jnp.int32(0), "w": jnp.int32(0)}, TaskParams(jnp.bool_(False), (), fault=jnp.int32(0))
+    for is_bad, expected in ((False, 1), (True, 1), (False, 1)):
+        state, metrics = step(state, given.replace(env=jnp.bool_(is_bad)))
+        given = given.replace(fault=metrics.fault)
+        assert int(state["w"]) == expected and (int(metrics.fault) == Fault.LOSS) == (given.fault != 0)
+    assert int(metrics.fault) == Fault.LOSS
+
+
+def test_replay_is_not_kept():
+    def iterate(state, env_params):
+        return State(state.episodes + 1), Metrics(NOBODY, {"loss": jnp.float32(NAN)})
+
+    agent = watched(Agent(None, iterate, None, None, 1, replay="episodes"))
+    assert int(agent.iterate(State(jnp.int32(1)), None)[0].episodes) == 2
+
+
+def test_the_last_good_checkpoint_stays_and_a_resumed_run_knows_the_faults(spoiled, tmp_path):
+    config = replace(BROKEN, run=replace(BROKEN.run, checkpoint_period=0.0))
+    whole = train(config, folder=tmp_path / "whole")
+    first = 1 + int(np.isnan(whole.metrics["loss"]).any(axis=0).argmax())
+    assert 1 < first < 6
+    with Checkpoints(tmp_path / "whole" / "checkpoints") as checkpoints:
+        assert checkpoints.iterations() == [first - 1, 7, 8]
+    status = json.loads((tmp_path / "whole" / "status.json").read_text())
+
+    class Stops(Callback):
+        def on_iteration(self, progress, rows):
+            progress.stop = "enough" if progress.done == 6 else progress.stop
+
+    train(config, folder=tmp_path / "parts", callbacks=[Stops()])
+    with Checkpoints(tmp_path / "parts" / "checkpoints") as checkpoints:
+        assert checkpoints.iterations()[0] == first - 1
+    resumed = resume(tmp_path / "parts")
+    assert json.loads((tmp_path / "parts" / "status.json").read_text())["faults"] == status["faults"]
+    chex.assert_trees_all_equal(resumed.params, whole.params)
+
+
+@pytest.mark.parametrize(
+    ("broken", "gone"), [(None, [1, 2]), (1, [1, 2]), (2, [2]), (3, [1]), (4, [1, 2]), (99, [1, 2])]
+)
+def test_which_checkpoints_give_way(broken, gone):
+    assert superfluous([1, 2, 3, 4], broken) == gone
+
+
+@pytest.mark.slow
+def test_the_guard_costs_a_pass_over_the_state_and_changes_no_number():
+    """PPO in ZoneEnv. A gradient step goes over parameters and moments, too, and an iteration has dozens or hundreds of
+    them, which the compiler's count knows as one."""
+    zones = ZoneEnv(ZoneConfig(physics="closed_form"))
+    env = TaskEnv(zones, compile_tasks("F Red", zones.propositions, zones.alphabet))
+    plain = begun_quickly(make_ppo(env, replace(PPO, network=ONE_HOT), 30, 60))
+    given = env.make_params(0).replace(fault=jnp.int32(0))
+    state = jax.jit(plain.init)(jax.random.key(0), given)
+    ended, costs = [], []
+    for agent in (plain, watched(plain)):
+        compiled = jax.jit(agent.iterate).lower(state, given).compile()
+        after, metrics = state, None
+        for _ in range(3):
+            after, metrics = compiled(after, given)
+        ended.append((after, metrics.episodes, {k: v for k, v in metrics.scalars.items() if FAILED not in k}))
+        costs.append(compiled.cost_analysis())
+    chex.assert_trees_all_equal(*ended)
+    numbers = sum(x.size for x in jax.tree.leaves(state))
+    assert costs[1]["flops"] - costs[0]["flops"] <= 2 * numbers
+    assert costs[1]["bytes accessed"] - costs[0]["bytes accessed"] <= 5 * 4 * numbers
 
 
 def test_nothing_is_noted_where_all_is_finite():
