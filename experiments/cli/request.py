@@ -16,13 +16,15 @@ from t2tl_jax.errors import UserError, explained, unknown
 from t2tl_jax.flags import HELP, parse
 from t2tl_jax.ltl import TaskFamily, named_families
 from t2tl_jax.registry import configs, named_config
+from t2tl_jax.runs import config_files
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.config_files import REGISTRIES
 from t2tl_jax.runs.folder import open_existing
 
 DESCRIPTION = """Train an agent on a temporal-logic task.
 
-  --config NAME   start from a named configuration; every option below overrides one of its fields
+  --config NAME   start from a named configuration, or from that in a file, NAME.json, such as the config.json of a
+                  run; every option below overrides one of its fields
   --method NAME   make it one of the methods t2tl, t1tl, gnn, rm, dfa, dfa_cont, dfa_number or rm_6, and no more
   --list          show the named configurations, the methods, and what else has a name
   --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer),
@@ -40,6 +42,7 @@ Examples:
   python -m experiments.run --config zone_ppo --method t1tl --pretrained ''
   python -m experiments.run --config zone_ppo --learner.learning-rate 1e-4 --frames 2e5 --task 'F(Red & F White)'
   python -m experiments.run --config waterworld_dqn --learner.batch-size 256 --env.layout random
+  python -m experiments.run --config runs/zone_ppo/2026-01-31_12-00-00/config.json --seeds 12
   python -m experiments.run --resume runs/zone_ppo/2026-01-31_12-00-00
 
 The defaults shown are those of the chosen configuration."""
@@ -54,7 +57,7 @@ class Request:
     """What the flags before the configuration's own ask for."""
 
     config: str | None
-    """Name of the configuration, which exists."""
+    """Name of the configuration, which exists, or the path of a file that holds one."""
     method: str | None
     """Name of the method, which exists; None for what the configuration is."""
     resume: Path | None
@@ -83,7 +86,7 @@ def read(arguments: Sequence[str], prefix: str = "") -> Request:
         prefix: what names of configurations lack here.
 
     Raises:
-        UserError: for an unknown name, for both or none of ``--config`` and ``--resume``.
+        UserError: for an unknown name, which is no file either; for both or none of ``--config`` and ``--resume``.
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     parser.add_argument("--config")
@@ -95,15 +98,19 @@ def read(arguments: Sequence[str], prefix: str = "") -> Request:
     except argparse.ArgumentError as error:
         raise UserError(f"{error}; see --help") from error
     asked = Request(known.config, known.method, known.resume, known.list, tuple(rest))
-    if known.config is not None and known.config not in names(prefix):
-        raise unknown("config", known.config, names(prefix))
+    if known.config is not None and known.config not in names(prefix) and not _is_file(known.config):
+        raise UserError(
+            f"{unknown('config', known.config, names(prefix))}\n"
+            "--config takes one of these names, or a path to a file such as the config.json of a run"
+        )
     if known.method is not None and known.method not in METHODS:
         raise unknown("method", known.method, METHODS)
     if known.resume is not None and (known.config is not None or known.method is not None):
         raise UserError("--resume continues a run with its own configuration; leave --config and --method out")
     if known.config is None and known.resume is None and not (known.list or asked.helping):
         raise UserError(
-            f"choose a configuration with --config NAME ({', '.join(names(prefix))}), or a run with --resume RUN"
+            f"choose a configuration with --config NAME ({', '.join(names(prefix))}) or --config FILE.json, or a run "
+            "with --resume RUN"
         )
     return asked
 
@@ -116,11 +123,20 @@ def configuration(asked: Request, prefix: str, prog: str) -> tuple[Config, str]:
     """
     if asked.resume is not None and not asked.helping:
         return override(open_existing(asked.resume)[1], asked.rest, prog), asked.resume.name
-    name = prefix + (asked.config or names(prefix)[0])  # the first one for --help without a name
-    config = named_config(name)
+    given = asked.config or names(prefix)[0]  # the first one for --help without a name
+    if given in names(prefix):
+        name = prefix + given
+        config = named_config(name)
+    else:
+        config, name = config_files.load(Path(given)), Path(given).stem
     if asked.method is not None:
         config, name = apply(config, asked.method), f"{name}_{asked.method}"
     return override(config, asked.rest, prog), name
+
+
+def _is_file(text: str) -> bool:
+    """Whether it means a file, be it there or not: of one that is not there, its error should tell."""
+    return text.endswith(".json") or Path(text).is_file()
 
 
 def list_configs(prefix: str = "") -> str:

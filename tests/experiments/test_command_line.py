@@ -11,6 +11,7 @@ from experiments.benchmarks import env
 from experiments.cli import request as command_line
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
+from t2tl_jax.ltl import Chains, Mixture, Named
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
@@ -134,7 +135,11 @@ def test_a_part_can_be_of_another_kind():
         (["--config", "fake", "--seeds", "1,1"], "once"),
         (["--config", "zone_ppo", "--learner.minibatch-size", "1000"], "error: learner: minibatch_size must divide"),
         (["--config"], "expected one argument"),
-        ([], "choose a configuration"),
+        ([], "choose a configuration with --config NAME"),
+        ([], "or --config FILE.json, or a run with --resume RUN"),
+        (["--config", "zone_pp"], "did you mean 'zone_ppo'?"),
+        (["--config", "zone_pp"], "--config takes one of these names, or a path to a file"),
+        (["--config", "no/such.json"], "cannot read no/such.json"),
         (["--config", "zone_ppo", "--resume", "x"], "leave --config and --method out"),
         (["--resume", "no/such/run"], "there is no folder"),
         (["--config", "zone_ppo", "--import", "no.such.module"], "--import no.such.module: No module named"),
@@ -147,6 +152,22 @@ def test_mistakes_are_explained_before_anything_is_written(flags, said, capsys, 
     assert said in " ".join(message.split())
     assert message.count("\n") < 25
     assert not list(tmp_path.iterdir())
+
+
+def test_a_configuration_in_a_file_is_as_good_as_a_name(tmp_path):
+    """Also one that no flag can say, a family that is made of others."""
+    mixture = Mixture((Chains(depth=(1, 2)), Named("Until_1_2_1_1")), (0.8, 0.2))
+    stored = dataclasses.replace(named_config("zone_ppo_long"), task=mixture)
+    file = tmp_path / "mine.json"
+    file.write_text(config_files.to_json(stored))
+    asked = command_line.read(["--config", str(file), "--frames", "2e5"])
+    config, name = command_line.configuration(asked, "", "run")
+    assert config == dataclasses.replace(stored, frames=200_000) and name == "mine"
+    asked = command_line.read(["--config", str(file), "--method", "gnn"])
+    assert command_line.configuration(asked, "", "run")[1] == "mine_gnn"
+    file.write_text("{}")
+    with pytest.raises(UserError, match=r"mine\.json does not fit this version"):
+        command_line.configuration(command_line.read(["--config", str(file)]), "", "run")
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,9 @@ NAMES_OF_THEN = {"migration.md", "CHANGELOG.md"}
 """Pages that also name what is gone."""
 
 SNIPPETS = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
+STANDING_FOR = {"METHOD": "t2tl", "RUN/config.json": str(ROOT / "results" / "any" / "any-letters" / "config.json")}
+"""Of words that stand for something, one such thing."""
+
 PARTS = ("t2tl_jax/", "envs/", "experiments/", "tests/", "results/", "docs/", ".ci/")
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
@@ -143,7 +146,7 @@ def test_training_commands_are_understood(page, corridor):
         if prefix is None or "--resume" in words:
             continue
         words, _ = hosts.read(words, {})
-        asked = request.read(["t2tl" if word == "METHOD" else word for word in words], prefix)
+        asked = request.read([STANDING_FOR.get(word, word) for word in words], prefix)
         if not asked.show_list:
             request.configuration(asked, prefix, module)
 
