@@ -120,9 +120,11 @@ def test_what_was_met_of_every_level_is_said_once_where_trainings_agree(tmp_path
 def test_codes_by_dynamic_programming_have_lines_of_their_own(tmp_path):
     """What they come to before is no success, since nothing is played."""
     runs, asked = {}, (*suites.ZONE_Z, *suites.ZONE_HARD)
+    unplayed = {"agreement": 0.98, "episodes": 0.0, "success_rate": np.nan}
     for code, success in (("transformer", 0.97), ("gru", 0.9)):
-        for name, more in ((f"any-pretraining-solved-{code}", {"agreement": 0.98}), (f"any-zones-solved-{code}", {})):
-            runs[name] = write(tmp_path / name, all_runs()[name].config, seeds=(88, 89), success_rate=0.95, **more)
+        for kind, curves in (("pretraining", unplayed), ("zones", {"success_rate": 0.95})):
+            name = f"any-{kind}-solved-{code}"
+            runs[name] = write(tmp_path / name, all_runs()[name].config, seeds=(88, 89), **curves)
             part = {"scale": "full", "tasks": {task: figures((success, success)) for task in asked}}
             (runs[name].path / tested.FILE).write_text(json.dumps({"zones": part}))
     broad = write(tmp_path / "broad", all_runs()["any-zones-broad-gru"].config, seeds=(76, 77))

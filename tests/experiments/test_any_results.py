@@ -27,6 +27,7 @@ from t2tl_jax.ltl import Chains, Limits, compile_tasks, make_sampler, resolve_ta
 from t2tl_jax.registry import make_env, named_config
 from t2tl_jax.runs import interrupts
 from t2tl_jax.runs.config import PoolConfig
+from t2tl_jax.runs.prompt import Prompt
 from tests.fake_learner import CONFIG
 from tests.made_up_runs import write
 
@@ -198,6 +199,17 @@ def test_of_a_run_on_one_task_nothing_is_counted(tmp_path):
     assert not (tmp_path / "one" / met.FILE).exists()
     met.keep(tmp_path, ())
     assert met.read(tmp_path)["rows"] == {}
+
+
+@pytest.mark.slow
+def test_a_stored_agent_acts_at_once_on_a_formula_that_is_typed():
+    """Asked for are 5 ms to the first action after warming up; four times that, for machines that others use too."""
+    prompt = Prompt(t2tl_jax.load(stored.REPOSITORY / "results" / "any" / "any-zones"), episode_length=8)
+    prompt.play("z1")
+    formulas = ("z2", "z3", "z4", "z5", "z6", "F Blue", "F(Green & F Blue)", "!Blue U Green", "F Blue & F Yellow")
+    played = [prompt.play(formula) for formula in formulas]
+    assert not any(one.is_new_shape for one in played)
+    assert np.median([one.action_ms for one in played]) < 20
 
 
 @pytest.mark.slow
