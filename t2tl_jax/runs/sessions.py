@@ -63,6 +63,12 @@ def checked(experiment: Experiment, first: Result | None, begun: bool = False) -
     """
     config, before = experiment.config, None
     if not begun:
+        if config.run.devices_per_seed > 1 and experiment.agent.num_envs == 1:
+            raise UserError(
+                f"this learner keeps each seed on one device, got run.devices_per_seed={config.run.devices_per_seed}; "
+                "leave it out: seeds are shared out over devices in any case. PPO with several environments can spread "
+                "a seed"
+            )
         if config.pretrained:
             before = pretraining.check(experiment, first)
             if pretraining.is_auto(config):

@@ -22,7 +22,7 @@ from t2tl_jax import (
     UserError,
 )
 from t2tl_jax.networks.gru import GRUConfig
-from t2tl_jax.runs.config import SelectionConfig
+from t2tl_jax.runs.config import RunConfig, SelectionConfig
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
 from t2tl_jax.runs.result import Result
@@ -382,6 +382,7 @@ def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from():
         ((ProbeEnv(), TASK, PPO), {"seeds": (1, 1)}, "every seed may appear once"),
         ((ProbeEnv(), TASK, PPO), {"seeds": 0}, "number of seeds"),
         ((ProbeEnv(), TASK, "ppo"), {}, "learner"),
+        (("waterworld_dqn",), {"run": RunConfig(devices_per_seed=2)}, "keeps each seed on one device, got run.devices"),
         ((ProbeEnv(), TASK, PPO), {"pretrained": "nowhere"}, "a code without parameters cannot be pre-trained"),
         ((ProbeEnv(), TASK, PPOConfig()), {"pretrained": "nowhere"}, "there is no folder"),
     ],
