@@ -24,3 +24,20 @@ def in_loops(function, *given):
 
     collect(jax.make_jaxpr(function)(*given).jaxpr, 0)
     return found
+
+
+def handled(function, *given):
+    """How many numbers its operations give and are given, once each; of what is looked into, only what is taken."""
+
+    def count(jaxpr):
+        total = 0
+        for equation in jaxpr.eqns:
+            parts = jax.tree.leaves(equation.params, is_leaf=lambda x: hasattr(x, "jaxpr"))
+            parts = [part.jaxpr for part in parts if hasattr(part, "jaxpr")]
+            total += sum(map(count, parts))
+            if not parts:
+                table = equation.primitive.name in ("gather", "dynamic_slice")
+                total += sum(x.aval.size for x in (*equation.outvars, *equation.invars[table:]))
+        return total
+
+    return count(jax.make_jaxpr(function)(*given).jaxpr)

@@ -90,7 +90,7 @@ def test_a_thinned_run_that_stops_in_a_row_ends_as_one_that_does_not(tmp_path, m
 
 @pytest.mark.slow
 def test_a_thousand_seeds_are_written_and_read_quickly(tmp_path):
-    """Generous bounds, for a machine that does other things; `docs/speed.md` has the times."""
+    """20 ms of processor time for an iteration of all seeds, where 4 were measured; reading takes seconds at most."""
     seeds, iterations = tuple(range(1000)), 20
     totals = {name: np.ones(1000, np.float32) for name in EpisodeTotals.__dataclass_fields__}
     scalars = np.random.default_rng(0).random((10, 1000), np.float32)
@@ -100,7 +100,7 @@ def test_a_thousand_seeds_are_written_and_read_quickly(tmp_path):
     for iteration in range(1, iterations + 1):
         file.append(make_rows(given, iteration, 10 * iteration, seeds))
     file.close()
-    assert (time.process_time() - begin) / iterations < 0.1
+    assert (time.process_time() - begin) / iterations < 0.02
     begin = time.process_time()
     curves = history(tmp_path / "metrics.csv")
     assert curves["scalar_3"].shape == (1000, iterations) and time.process_time() - begin < 2
