@@ -284,7 +284,7 @@ def _memory() -> dict[str, Run]:
 
 
 def _run(config: Config, seeds: str, first_seed: int = FIRST_SEED, **more: Any) -> Run:
-    """A run whose agents are also tested on formulas of its own family that were not trained on under their own names."""
+    """A run whose agents are also tested on its own family, on formulas not trained on under their own names."""
     config = replace(
         config,
         selection=SelectionConfig(points=0),  # the parameters at the end are reported
