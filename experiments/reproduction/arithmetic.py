@@ -1,4 +1,5 @@
-"""What a substep of MJX and a gradient step of PPO compute, beside the least that they could take on an H200."""
+"""What a substep of MJX and a gradient step of PPO compute, beside the least that they could take on an H200; and what
+the rows of a table cost."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +13,9 @@ from t2tl_jax.runs.folder import read_json
 
 FILE = "arithmetic.json"
 """Of `experiments.benchmarks.arithmetic`, among the results."""
+
+TABLES = "tables.json"
+"""Of `experiments.benchmarks.tables`."""
 
 PEAK_TFLOP, PEAK_TBYTE = 67.0, 4.8
 """Of an H200 a second, as NVIDIA has it: single precision without tensor cores, and memory."""
@@ -123,6 +127,29 @@ def _learning(row: measured.Row, kiloflop: float) -> tuple[str, ...]:
         f"{took:.3f} us a frame",
         f"{took / least:.1f} times",
     )
+
+
+def tables(results: Path) -> str:
+    """What an iteration takes on tables of more and more rows."""
+    if not (results / TABLES).is_file():
+        return "Not measured yet."
+    stored = read_json(results / TABLES)
+    settings, found = stored["settings"], stored["results"]
+    rows = [
+        (
+            f"{one['rows']:,}",
+            one["minibatches_of"],
+            f"{one['seconds']:.2f} s ({one['fastest']:.2f}, {one['slowest']:.2f})",
+            "-" if one["memory_mib"] is None else f"{one['memory_mib']:,.0f} MiB",
+        )
+        for one in found
+    ]
+    said = f"""
+        One iteration of PPO in the world of a single state: {settings["num_envs"]} environments of
+        {settings["unroll_length"]} steps, four epochs of minibatches of {settings["minibatch_size"]} samples, a small
+        Transformer; median of {settings["repeats"]}, and the fastest and the slowest."""
+    heading = ("rows of the table", "minibatches of", "an iteration", "memory")
+    return "\n\n".join((paragraph(said), table(heading, rows), origin([stored["where"]])))
 
 
 def _rows(results: Path, part: str) -> Sequence[tuple[Mapping[str, Any], measured.Row]]:

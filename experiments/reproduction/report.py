@@ -139,6 +139,7 @@ def documentation(root: Path) -> Documentation:
             "scaling": scaling(results),
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),
+            "tables": arithmetic.tables(results),
         },
         "docs/usage.md": {"plans": beside.plans(results)},
     }

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from experiments.benchmarks import arithmetic as benchmark
-from experiments.benchmarks import measured
+from experiments.benchmarks import measured, tables
 from experiments.reproduction import arithmetic
 
 ONE = {"traced": 3, "gathers": 1, "scatters": 1, "products": 1, "factorisations": 0, "fused_loops": 2}
@@ -51,3 +51,18 @@ def test_the_page_sets_what_was_measured_against_the_floor(tmp_path):
 def test_a_file_that_cannot_be_written_is_told_before_anything_is_counted(tmp_path, capsys):
     assert benchmark.main(["--json", str(tmp_path / "no" / "file.json")]) == 2
     assert "there is no folder" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_tables_are_timed_by_their_rows(tmp_path):
+    file = tmp_path / arithmetic.TABLES
+    small = ["--rows", "16", "32", "--num-envs", "4", "--unroll-length", "4", "--minibatch-size", "8"]
+    assert arithmetic.tables(tmp_path) == "Not measured yet."
+    assert tables.main([*small, "--repeats", "1", "--json", str(file)]) == 0
+    found = json.loads(file.read_text())["results"]
+    kinds = ("steps", "environments")
+    assert [(one["rows"], one["minibatches_of"]) for one in found] == [(n, kind) for n in (16, 32) for kind in kinds]
+    assert all(0 < one["open_rows"] < one["rows"] and one["seconds"] > 0 for one in found)
+    shown = arithmetic.tables(tmp_path)
+    assert "| 32 | environments | " in shown and "4 environments of" in shown
+    assert tables.main(["--rows", "3"]) == 2
