@@ -27,13 +27,17 @@ import t2tl_jax.evaluation.report
 import t2tl_jax.runs.train
 import tests.fake_learner  # noqa: F401
 from experiments.cli import hosts
+from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs.config import SelectionConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.devices import fetched, over_envs, seed_sharding
 from t2tl_jax.training.program import params_of_seeds, trace
+from tests.agents.sizes import PPO
+from tests.agents.test_ppo import ONE_HOT
 from tests.fake_agent import make_agent
+from tests.parameters import begun_quickly
 from tests.probe import ProbeEnv
 
 CONFIG = replace(
@@ -75,6 +79,23 @@ def environments_of_one_seed(over: int) -> list[np.ndarray]:
     return [np.asarray(x) for x in jax.tree.leaves(fetched((state["envs"], state["params"], metrics)))]
 
 
+def ppo_of_one_seed(over: int) -> list[np.ndarray]:
+    """What PPO comes to with one seed, its environments and minibatches spread over so many devices."""
+    probe = ProbeEnv()
+    env = TaskEnv(probe, compile_tasks(["F(Up & F(Down & F Up))"], probe.propositions, probe.alphabet))
+    # Adam divides by the gradient's size: with the usual epsilon it would show the rounding of vanishing gradients.
+    config = replace(PPO, network=ONE_HOT, epochs=1, adam_epsilon=1.0, learning_rate=0.3)
+    agent = begun_quickly(make_ppo(env, config, episode_length=20, iterations=60))
+    sharding = seed_sharding(1, agent.num_envs, over)
+    program = trace(agent, (5,), params_of_seeds(env, (5,)), sharding=sharding)
+    state = program.lowered_init.compile()(program.keys, program.env_params)
+    iterate = program.lowered_iterate.compile()
+    assert ("all-reduce" in iterate.as_text()) == (over > 1)
+    for _ in range(2):
+        state, metrics = iterate(state, program.env_params)
+    return [np.asarray(x) for x in jax.tree.leaves(fetched((state.params, metrics)))]
+
+
 class Stop(t2tl_jax.Callback):
     """One process stops after two iterations; the other one has to follow."""
 
@@ -98,6 +119,7 @@ def together(folder: Path, address: str, index: int) -> None:
         result = t2tl_jax.resume(folder / "together")
         assert all(x.shape[0] == 3 for x in jax.tree.leaves((result.params["final"], result.params["best"])))
         np.savez(folder / f"envs{index}", *environments_of_one_seed(over=2))
+        np.savez(folder / f"ppo{index}", *ppo_of_one_seed(over=2))
 
 
 def dying(folder: Path, address: str, index: int) -> int:

@@ -173,9 +173,11 @@ def test_filling_up_leaves_no_trace(folder, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_environments_of_one_seed_over_two_processes(folder):
-    alone = two_hosts.environments_of_one_seed(over=1)
-    one, other = (np.load(folder / f"envs{index}.npz").values() for index in (0, 1))
+@pytest.mark.parametrize("name", ["envs", "ppo"])
+def test_the_environments_of_one_seed_over_two_processes(folder, name):
+    """Of a little learner, and of PPO itself, whose gradients are summed over both."""
+    alone = {"envs": two_hosts.environments_of_one_seed, "ppo": two_hosts.ppo_of_one_seed}[name](over=1)
+    one, other = (np.load(folder / f"{name}{index}.npz").values() for index in (0, 1))
     for expected, mine, yours in zip(alone, one, other, strict=True):
         np.testing.assert_allclose(mine, expected, rtol=1e-4, atol=1e-6)
         np.testing.assert_array_equal(mine, yours)
