@@ -17,7 +17,14 @@ from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections.ablation import ablation
 from experiments.reproduction.stored import Stored, last_ones
-from experiments.reproduction.tables import curves_by_episode, curves_by_frames, mean_return_at, methods, returns_at
+from experiments.reproduction.tables import (
+    curves_by_episode,
+    curves_by_frames,
+    mean_return_at,
+    methods,
+    return_by_frames,
+    returns_at,
+)
 from t2tl_jax.networks.actor_critic import MINIMUM_STD
 
 ZONE_MARKS = tuple(1e6 * x for x in (0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9, 10))
@@ -108,6 +115,18 @@ def zone_figure(runs: Mapping[str, Stored]) -> str:
         methods(runs, ZONE_LABELS, {name: curve[1][-1] for name, curve in ZONE_PUBLISHED.items()}),
         what_differs(runs, ZONE_LABELS),
         curves_by_frames(runs, ZONE_LABELS, ZONE_MARKS, ZONE_PUBLISHED),
+        below.listed(
+            {
+                name: below.marks(
+                    return_by_frames(run, ZONE_MARKS),
+                    [mark / 1e6 for mark in ZONE_MARKS],
+                    np.interp(ZONE_MARKS, *ZONE_PUBLISHED[name]).tolist(),
+                )
+                for name, run in runs.items()
+                if name in ZONE_PUBLISHED
+            },
+            "at {} million frames",
+        ),
         differences(runs, ZONE_CLAIMS, ends, "return at the end", ZONE_CLAIMS),
         differences(runs, ZONE_CLAIMS, means, "mean return over training", ZONE_CLAIMS),
     )
