@@ -17,6 +17,7 @@ from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.registry import AGENTS, Kind
 from t2tl_jax.renaming import Renamed
+from t2tl_jax.runs import faults
 from t2tl_jax.runs.callbacks import Callback
 from t2tl_jax.runs.checkpoints import Checkpoints, superfluous
 from t2tl_jax.runs.train import resume, train
@@ -225,6 +226,20 @@ def test_the_last_good_checkpoint_stays_and_a_resumed_run_knows_the_faults(spoil
     chex.assert_trees_all_equal(resumed.params, whole.params)
 
 
+def test_seeds_that_train_in_groups_are_frozen_one_by_one(spoiled):
+    ends = Ends(), Ends()
+    together = train(BROKEN, callbacks=[ends[0]])
+    in_turns = train(replace(BROKEN, run=replace(BROKEN.run, seeds_at_once=3)), callbacks=[ends[1]])
+    assert ends[0].notes == ends[1].notes
+    chex.assert_trees_all_close(together.params, in_turns.params, rtol=1e-6)
+
+
+def test_a_run_of_a_group_has_the_faults_of_its_lanes():
+    known = {"1": {"cause": "one"}, "2": {"cause": "other"}}
+    assert faults.of_lanes(known, (2, 3), (0, 7)) == {"0": {"cause": "other"}}
+    assert faults.of_lanes({}, (2, 3), (0, 7)) == {}
+
+
 @pytest.mark.parametrize(
     ("broken", "gone"), [(None, [1, 2]), (1, [1, 2]), (2, [2]), (3, [1]), (4, [1, 2]), (99, [1, 2])]
 )
@@ -235,7 +250,8 @@ def test_which_checkpoints_give_way(broken, gone):
 @pytest.mark.slow
 def test_the_guard_costs_a_pass_over_the_state_and_changes_no_number():
     """PPO in ZoneEnv. A gradient step goes over parameters and moments, too, and an iteration has dozens or hundreds of
-    them, which the compiler's count knows as one."""
+    them, which the compiler's count knows as one. One robot whose physics fails freezes the seed, though every number
+    that the learner sees is finite."""
     zones = ZoneEnv(ZoneConfig(physics="closed_form"))
     env = TaskEnv(zones, compile_tasks("F Red", zones.propositions, zones.alphabet))
     plain = begun_quickly(make_ppo(env, replace(PPO, network=ONE_HOT), 30, 60))
@@ -253,6 +269,14 @@ def test_the_guard_costs_a_pass_over_the_state_and_changes_no_number():
     numbers = sum(x.size for x in jax.tree.leaves(state))
     assert costs[1]["flops"] - costs[0]["flops"] <= 2 * numbers
     assert costs[1]["bytes accessed"] - costs[0]["bytes accessed"] <= 5 * 4 * numbers
+
+    world = state.episodes.state.pipeline_state
+    robot = world.env.robot.replace(qvel=world.env.robot.qvel.at[3].set(NAN))
+    world = world.replace(env=world.env.replace(robot=robot))
+    broken = state.replace(episodes=state.episodes.replace(state=state.episodes.state.replace(pipeline_state=world)))
+    after, metrics = compiled(broken, given)
+    assert int(metrics.fault) == Fault.ENVIRONMENT and np.isfinite(metrics.scalars["policy_loss"])
+    chex.assert_trees_all_equal(after, broken)
 
 
 def test_nothing_is_noted_where_all_is_finite():
