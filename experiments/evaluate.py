@@ -11,7 +11,8 @@ import tyro
 
 from experiments.cli.errors import guarded
 from experiments.cli.plugins import import_modules
-from t2tl_jax.errors import UserError
+from t2tl_jax import checks
+from t2tl_jax.errors import UserError, explained
 from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
@@ -59,8 +60,8 @@ def _main(texts: list[str]) -> int:
     arguments = parse(
         Arguments, import_modules(texts), prog="python -m experiments.evaluate", description=Arguments.__doc__
     )
-    if arguments.episodes < 1:
-        raise UserError(f"--episodes must be at least 1, got {arguments.episodes}")
+    with explained():
+        checks.episodes(arguments, "episodes")
     if arguments.task is not None and arguments.tasks is not None:
         raise UserError("give one task (--task) or a list of them (--tasks), not both")
     if arguments.certify < 0:

@@ -9,12 +9,21 @@ COUNTER_LIMIT = 2**31 - 1
 """The largest number to which the counters of a compiled program, int32, can count."""
 
 
+EPISODES_LIMIT = 1_000_000
+"""Most episodes of a seed that an evaluation plays: all of them side by side."""
+
 POOL_LIMIT = 2**26
 """Most bytes of the maps that one seed has at a time: 64 MiB, some hundred thousand maps, which take minutes."""
 
 
-def counts(config: object, *names: str, least: int = 1, most: int = COUNTER_LIMIT) -> None:
-    """Fields that hold whole numbers from `least` to `most`, by default what a counter can hold.
+def counts(
+    config: object,
+    *names: str,
+    least: int = 1,
+    most: int = COUNTER_LIMIT,
+    why: str = "since programs count in 32 bits",
+) -> None:
+    """Fields that hold whole numbers from `least` to `most`, by default what a counter can hold; `why` no more.
 
     Raises:
         ValueError: for the first that does not; so do the other checks.
@@ -24,7 +33,12 @@ def counts(config: object, *names: str, least: int = 1, most: int = COUNTER_LIMI
         if value < least:
             raise ValueError(f"{name} must be at least {least}, got {value}")
         if value > most:
-            raise ValueError(f"{name} must be at most {most:,}, since programs count in 32 bits, got {value:,}")
+            raise ValueError(f"{name} must be at most {most:,}, {why}, got {value:,}")
+
+
+def episodes(config: object, name: str, least: int = 1) -> None:
+    """A field that says how many episodes an evaluation plays."""
+    counts(config, name, least=least, most=EPISODES_LIMIT, why="since all are played side by side")
 
 
 def sizes(config: object, *names: str) -> None:

@@ -99,8 +99,10 @@ class RunConfig:
     def __post_init__(self) -> None:
         if not self.checkpoint_period >= 0:  # inf is fine: none but the one at the end
             raise ValueError(f"checkpoint_period is in seconds and not negative, got {self.checkpoint_period}")
-        names = ("evaluation_episodes", "devices_per_seed", "seeds_at_once", "table_rows", "table_length")
-        checks.counts(self, *names, "pool_processes", least=0)
+        checks.episodes(self, "evaluation_episodes", least=0)
+        names = ("devices_per_seed", "seeds_at_once", "table_rows", "table_length")
+        checks.counts(self, *names, least=0)
+        checks.counts(self, "pool_processes", least=0, most=1024, why="since all of them are started")
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ class SelectionConfig:
 
     def __post_init__(self) -> None:
         checks.counts(self, "points", least=0)
-        checks.counts(self, "episodes")
+        checks.episodes(self, "episodes")
 
 
 @dataclass(frozen=True, kw_only=True)

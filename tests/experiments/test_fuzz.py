@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import tests.fake_learner  # noqa: F401
-from experiments import evaluate, run
+from experiments import compare, evaluate, run
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import named_machines
 from t2tl_jax.ltl.__main__ import main as show_task
@@ -105,7 +105,7 @@ def shown(text):
 
 @pytest.mark.slow
 @given(edited(FORMULAS) | st.text(max_size=40) | st.lists(st.sampled_from(PIECES), max_size=25).map(" ".join))
-@examples(230)
+@examples(170)
 def test_formulas(text):
     assert is_polite(*shown(text))
 
@@ -115,7 +115,7 @@ MACHINES = [str(named_machines(name)[0]) for name in ("rm_t1", "rm_t5", "rm_t10_
 
 @pytest.mark.slow
 @given(edited(MACHINES, [*PIECES, "->", "\n", "state", ":", "1e999", "nan", "-", "# "]))
-@examples(100)
+@examples(90)
 def test_reward_machines(text):
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "machine.rm")
@@ -132,7 +132,7 @@ def test_what_is_edited_is_sound(text, tmp_path):
 
 
 NONSENSE = st.sampled_from(
-    [None, True, -1, 0, 1e308, float("nan"), float("inf"), 2**63, "", "x", "../..", [], {}, [[]]]
+    [None, True, -1, 0, 1e308, float("nan"), float("inf"), 2 * 10**9, 2**63, "", "x", "../..", "/a.rm", [], {}, [[]]]
 )
 
 
@@ -159,7 +159,7 @@ CONFIGS = [json.loads(config_files.to_json(named_config(name))) for name in ("zo
 
 
 @given(st.sampled_from(CONFIGS).flatmap(changed))
-@examples(100)
+@examples(80)
 def test_configurations(content):
     try:
         config = config_files.from_json(json.dumps(content), "config.json")
@@ -240,6 +240,30 @@ def spoil(folder, number, kind, share, byte):
         return
     flipped = content[:at] + bytes([byte]) + content[at + 1 :]
     file.write_bytes({"cut": content[:at], "flip": flipped, "empty": b"", "text": b'{"a": [1, 2'}[kind])
+
+
+COMMANDS = {
+    "resume": lambda folder: said(run.main, "--resume", str(folder), "--frames", "300"),
+    "evaluate": lambda folder: said(evaluate.main, str(folder), "--episodes", "4"),
+    "compare": lambda folder: said(compare.main, str(folder), "--fairness", "True"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+def test_configurations_of_run_folders(finished_run, command):
+    stored = json.loads((finished_run / "config.json").read_text())
+
+    @given(changed(stored))
+    @examples(30)
+    def one(content):
+        with tempfile.TemporaryDirectory() as base:
+            folder = Path(shutil.copytree(finished_run, Path(base, "run")))
+            (folder / "config.json").write_text(json.dumps(content))
+            code, errors = COMMANDS[command](folder)
+            assert is_polite(code, errors), (content, code, errors)
+
+    one()
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 
 import t2tl_jax
 from t2tl_jax.runs import selection
-from t2tl_jax.runs.config import SelectionConfig
+from t2tl_jax.runs.config import RunConfig, SelectionConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.runs.selection import Scores, Selected, Selection
 from tests import fake_learner
@@ -163,3 +163,10 @@ def test_episodes_of_selection_are_not_those_of_training_or_evaluation(monkeypat
     found = selection.Scorer(run.experiment)(run.params["final"])
     assert found.success_rate.shape == (2,) and ((found.success_rate > 0.1) & (found.success_rate < 0.9)).all()
     assert len(set(found.discounted_return)) == 2  # each seed has keys of its own
+
+
+@pytest.mark.parametrize("make", [lambda n: SelectionConfig(episodes=n), lambda n: RunConfig(evaluation_episodes=n)])
+def test_episodes_that_are_played_side_by_side_are_bounded(make):
+    make(1_000_000)
+    with pytest.raises(ValueError, match=r"episodes must be at most 1,000,000, since all .* got 2,000,000,000"):
+        make(2_000_000_000)
