@@ -16,7 +16,9 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
 from t2tl_jax.errors import UserError, explained
@@ -34,6 +36,8 @@ class Arguments:
     """Of the moments."""
     folder: str = ""
     """Where the runs lie, which are to stay; by default nowhere."""
+    json: Path | None = None
+    """Also write what came out to this file."""
 
     def __post_init__(self) -> None:
         checks.counts(self, "kills")
@@ -48,16 +52,26 @@ def _main(texts: list[str]) -> int:
     own, flags = (texts[: texts.index("--")], texts[texts.index("--") + 1 :]) if "--" in texts else (texts, [])
     with explained():
         arguments = parse(Arguments, own, prog="python -m experiments.benchmarks.kills", description=Arguments.__doc__)
+    json_file.check(arguments.json)
     if not flags:
         raise UserError("say what to run behind --, as in: --kills 20 -- --config zone_ppo_closed_form --frames 2e5")
     with quiet_imports():  # once, before any child is made; JAX computes in the children only
         import experiments.run  # noqa: F401
         from t2tl_jax.runs import train  # noqa: F401
     with tempfile.TemporaryDirectory() as temporary:
-        return _check(arguments, flags, Path(arguments.folder or temporary))
+        found = _check(arguments, flags, Path(arguments.folder or temporary))
+    if arguments.json is not None:
+        from t2tl_jax.runs import provenance  # after the children: it asks JAX for its devices
+
+        where = provenance.describe(["python", "-m", "experiments.benchmarks.kills", *texts])
+        json_file.write(arguments.json, {"where": where, "flags": flags, "seed": arguments.seed, **found})
+        print(f"written: {arguments.json}")
+    return int(found["differing"] > 0)
 
 
-def _check(arguments: Arguments, flags: list[str], base: Path) -> int:
+def _check(arguments: Arguments, flags: list[str], base: Path) -> dict[str, Any]:
+    """Kill and resume; how long the run takes let alone, after how many seconds each kill came, how many runs came to
+    their end, and how many of them differ."""
     moments = random.Random(arguments.seed)
     for name in ("whole", "again"):  # the second one finds its programs compiled, as all others will
         begin = time.monotonic()
@@ -71,6 +85,7 @@ def _check(arguments: Arguments, flags: list[str], base: Path) -> int:
     print(f"let alone it takes {seconds:.1f} s, and gives the same twice", flush=True)
     modules = [word for flag, name in itertools.pairwise(flags) if flag == "--import" for word in (flag, name)]
     kills, ends, wrong = 0, 0, 0
+    killed_after: list[float] = []
     while kills < arguments.kills or _run_in(base / f"killed{ends}") is not None:
         place, log = base / f"killed{ends}", base / f"killed{ends}.log"
         run = _run_in(place)
@@ -78,6 +93,7 @@ def _check(arguments: Arguments, flags: list[str], base: Path) -> int:
         after = moments.uniform(0, seconds) if kills < arguments.kills else None
         if not _start(words, log, after):
             kills += 1
+            killed_after.append(round(after or 0.0, 2))
             print(f"kill {kills:2} after {after or 0:5.1f} s: {_last_line(log)}", flush=True)
             continue
         ends += 1
@@ -86,7 +102,7 @@ def _check(arguments: Arguments, flags: list[str], base: Path) -> int:
         said = f"differs in {', '.join(differing)}" if differing else "equal bit for bit"
         print(f"end  {ends:2}: {said}", flush=True)
     print(f"{kills} kills, {ends} runs that came to their end, {wrong} of them differ")
-    return int(wrong > 0)
+    return {"seconds": round(seconds, 2), "killed_after": killed_after, "ends": ends, "differing": wrong}
 
 
 def _start(words: list[str], log: Path, kill_after: float | None) -> bool:
