@@ -82,8 +82,9 @@ class Checkpoints:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder).absolute()
-        # Orbax reports every handler and commit at level INFO or WARNING; a user has no use for it.
-        logging.getLogger("absl").setLevel(logging.ERROR)
+        # Orbax reports every handler and commit at level INFO or WARNING, and what fails with tracebacks at ERROR,
+        # which is raised as well; a user has no use for it.
+        logging.getLogger("absl").setLevel(logging.CRITICAL)
         # Of several processes each is on its own for Orbax: one writes, and all of them may read.
         me = hosts.index()
         alone = ocp.options.MultiprocessingOptions(me, {me}, f"process{me}")
@@ -346,4 +347,6 @@ def _without(state: Any, replay: str) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    return str(error).strip().splitlines()[0][:300] if str(error).strip() else type(error).__name__
+    """Its first line; of a long one the beginning and the end, since TensorStore ends with the cause."""
+    text = (str(error).strip() or type(error).__name__).splitlines()[0]
+    return text if len(text) <= 300 else f"{text[:140]} ... {text[-150:]}"

@@ -5,6 +5,8 @@ import itertools
 import json
 import os
 import resource
+import subprocess
+import sys
 import time
 
 import jax
@@ -165,6 +167,17 @@ def test_a_full_disk_is_told_and_leaves_the_one_before(folder, monkeypatch):
             checkpoints.wait()
         assert not list(folder.glob("*tmp*"))
         assert checkpoints.read(wanted, "replay").iteration == 2
+
+
+@pytest.mark.slow
+def test_a_disk_that_really_is_full_is_told_without_tracebacks(tmp_path):
+    command = [sys.executable, "-m", "tests.full_disk", str(tmp_path / "checkpoints")]
+    child = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    said, make_room, complete, read = child.stdout.splitlines()
+    assert said.startswith("cannot write checkpoint ") and "File too large" in said and len(said) < 500
+    assert "make room" in make_room
+    assert (complete, read) == ("complete: 1", "read: 1 True")
+    assert "Traceback" not in child.stderr and "ERROR" not in child.stderr
 
 
 def test_training_goes_on_while_a_checkpoint_is_written(tmp_path, monkeypatch):
