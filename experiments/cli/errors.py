@@ -11,8 +11,8 @@ from t2tl_jax.errors import Note, NotRegistered, UserError
 INVALID = 2
 """Exit code for input that cannot be used."""
 
-EXHAUSTED = "RESOURCE_EXHAUSTED"
-"""What the message of a JAX error begins with where the memory of a device is too small."""
+EXHAUSTED = ("RESOURCE_EXHAUSTED", "Out of memory")
+"""What JAX says, one or the other, where the memory of a device is too small."""
 
 SMALLER = "some number of the configuration is too large for this machine, of environments, seeds, layers or maps say"
 
@@ -36,7 +36,7 @@ def guarded(command: Callable[[], int]) -> int:
         return INVALID
     except (MemoryError, RuntimeError) as error:
         said = str(error).partition("\n")[0][:200]
-        if not isinstance(error, MemoryError) and not said.startswith(EXHAUSTED):
+        if not isinstance(error, MemoryError) and not any(words in said for words in EXHAUSTED):
             raise
         print(f"error: there is not enough memory{f' ({said})' if said else ''}: {SMALLER}", file=sys.stderr)
         return INVALID

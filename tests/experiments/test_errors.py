@@ -23,6 +23,10 @@ def raises(error):
             raises(jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory\nmore")),
             "(RESOURCE_EXHAUSTED: Out of m",
         ),
+        (
+            raises(jax.errors.JaxRuntimeError("INTERNAL: Error dispatching: Out of memory allocating 4 bytes.")),
+            "(INTERNAL",
+        ),
     ],
 )
 def test_too_little_memory_is_told(command, said, capsys):
