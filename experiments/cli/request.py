@@ -4,6 +4,7 @@ import argparse
 import copy
 import dataclasses
 import typing
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,11 @@ from typing import Any, get_args
 import experiments.configs  # noqa: F401, registers the environments and configurations of this project
 from experiments.cli.plugins import import_modules
 from experiments.methods import METHODS, apply
-from t2tl_jax.errors import UserError, explained, unknown
+from t2tl_jax.errors import Note, UserError, explained, unknown
 from t2tl_jax.flags import HELP, parse
 from t2tl_jax.ltl import TaskFamily, named_families
 from t2tl_jax.registry import configs, named_config
-from t2tl_jax.runs import config_files
+from t2tl_jax.runs import config_files, machine_files
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.config_files import REGISTRIES
 from t2tl_jax.runs.folder import open_existing
@@ -131,7 +132,22 @@ def configuration(asked: Request, prefix: str, prog: str) -> tuple[Config, str]:
         config, name = config_files.load(Path(given)), Path(given).stem
     if asked.method is not None:
         config, name = apply(config, asked.method), f"{name}_{asked.method}"
-    return override(config, asked.rest, prog), name
+    config = override(config, asked.rest, prog)
+    return (config if given in names(prefix) else _of_file(config, Path(given), asked.rest)), name
+
+
+def _of_file(config: Config, file: Path, flags: Sequence[str]) -> Config:
+    """What flags made of a configuration from a file, with the task's file from beside it unless a flag names the task;
+    a note says what else is read elsewhere.
+
+    Raises:
+        UserError: where the task is a file that does not lie there.
+    """
+    from t2tl_jax.runs import pretraining  # which loads what --help need not wait for
+
+    if (elsewhere := pretraining.elsewhere(config)) and find(flags, "--pretrained")[1] is None:
+        warnings.warn(f"pre-trained by what {file} names: {elsewhere}", Note, stacklevel=2)
+    return machine_files.with_copy(config, file.parent) if find(flags, "--task")[1] is None else config
 
 
 def _is_file(text: str) -> bool:

@@ -5,6 +5,7 @@ Which dataclass an environment, a learner or a task encoder is, says its field `
 
 import json
 import operator
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from t2tl_jax.names import nearest
 from t2tl_jax.networks.state_encoder import StateEncoderConfig
 from t2tl_jax.networks.task_encoder import SequenceEncoderConfig, TaskEncoderConfig
 from t2tl_jax.registry import AGENTS, CONTEXT_READERS, ENVS, STATE_ENCODERS, TASK_ENCODERS, TASK_FAMILIES, Registry
-from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.config import Config, RunConfig
 from t2tl_jax.runs.migration import VERSION, migrated
 from t2tl_jax.training.types import LearnerConfig
 
@@ -116,12 +117,18 @@ def _structured(text: str, source: str) -> Config:
 
 
 def load(path: Path) -> Config:
-    """Read a configuration from a file; raises ``UserError`` as ``from_json`` does, and for a missing file."""
+    """Read a configuration from a file; raises ``UserError`` as ``from_json`` does, and for a missing file.
+
+    Compiled programs are code, so the folder for them is never one that a file names: it is that of this machine, or
+    none if the file says none.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"cannot read {path}: {error}") from error
-    return from_json(text, str(path))
+    config = from_json(text, str(path))
+    cache = config.run.compilation_cache and RunConfig().compilation_cache
+    return replace(config, run=replace(config.run, compilation_cache=cache))
 
 
 def stored_version(path: Path) -> int:

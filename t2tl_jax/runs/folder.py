@@ -7,14 +7,13 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import config_files, machine_files
-from t2tl_jax.runs.config import Config, RunConfig
+from t2tl_jax.runs.config import Config
 
 
 class RunFolder:
@@ -93,9 +92,6 @@ def write_config(folder: RunFolder, config: Config) -> None:
 def open_existing(path: Path) -> tuple[RunFolder, Config]:
     """The folder and the configuration of an earlier run; its task is the run's own copy if it comes from a file.
 
-    Compiled programs are code, so the folder for them is never one that a file names: it is that of this machine, or
-    none if the run had none.
-
     Raises:
         UserError: if it is not a run, with the runs that lie nearby, if its configuration does not fit this version, or
             if its task comes from a file of which it has no copy.
@@ -105,9 +101,7 @@ def open_existing(path: Path) -> tuple[RunFolder, Config]:
         raise UserError(f"there is no folder {path}{_runs_near(folder.path)}")
     if not folder.config.is_file():
         raise UserError(f"{path} is not a run: it has no {folder.config.name}{_runs_near(folder.path)}")
-    config = machine_files.with_copy(config_files.load(folder.config), folder.path)
-    cache = config.run.compilation_cache and RunConfig().compilation_cache
-    return folder, replace(config, run=replace(config.run, compilation_cache=cache))
+    return folder, machine_files.with_copy(config_files.load(folder.config), folder.path)
 
 
 @contextmanager

@@ -36,7 +36,7 @@ def with_copy(config: Config, folder: Path) -> Config:
     path, copy = _file(config.task), _copy(config, folder)
     if path is not None and copy is None:
         raise UserError(
-            f"the task of {folder} is the reward machine {path}, and the folder holds no copy of it; what a stored run "
+            f"the task is the reward machine {path}, and {folder} holds no copy of it; what a stored configuration "
             f"names elsewhere is not read. If you know that file, copy it there: cp {path} {folder / path.name}"
         )
     return config if copy is None else replace(config, task=str(copy))

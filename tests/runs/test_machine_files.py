@@ -9,11 +9,12 @@ from types import SimpleNamespace
 import pytest
 
 from experiments import run
-from t2tl_jax.errors import UserError
+from experiments.cli import request
+from t2tl_jax.errors import Note, UserError
 from t2tl_jax.registry import make_env, named_config
-from t2tl_jax.runs import experiment, pretraining
+from t2tl_jax.runs import config_files, experiment, pretraining
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.config import Config, RunConfig
 from t2tl_jax.runs.differences import differences
 from t2tl_jax.runs.pools import make_table
 from tests.fake_learner import CONFIG, PRETRAINING
@@ -72,6 +73,27 @@ def test_the_copy_is_what_gets_compiled(machine, tmp_path):
     machine.unlink()
     table = make_table(own, make_env(own.env))
     assert table.states == ("done", "fail", "mine.a", "mine.b")
+
+
+def test_a_configuration_from_a_file_reads_what_lies_beside_it(machine, tmp_path, monkeypatch):
+    """A stranger's too: no other file of a task, no folder of compiled programs, and a note of the pre-training."""
+    named = dataclasses.replace(CONFIG, task=str(machine), pretrained="/theirs")
+    named = dataclasses.replace(named, run=dataclasses.replace(named.run, compilation_cache="/theirs"))
+    file = tmp_path / "theirs" / "config.json"
+    file.parent.mkdir()
+    file.write_text(config_files.to_json(named))
+
+    def given(*flags):
+        return request.configuration(request.read(["--config", str(file), *flags]), "", "run")[0]
+
+    with pytest.warns(Note, match="pre-trained by what .*config.json names: /theirs"), pytest.raises(UserError) as why:
+        given()
+    assert f"cp {machine} {file.parent / machine.name}" in str(why.value)
+    asked = given("--task", str(machine), "--pretrained", "")  # what the command names is read
+    assert asked.task == str(machine)
+    shutil.copy(machine, file.parent)
+    own = given("--pretrained", "")
+    assert own.task == str(file.parent / machine.name) and own.run.compilation_cache == RunConfig().compilation_cache
 
 
 @pytest.mark.parametrize(
