@@ -6,7 +6,7 @@ from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
 from experiments.reproduction.anytask.runs import LEARNED, MEMORIES, MERGED, TEXTS, WITHOUT_PARAMETERS
 from experiments.reproduction.plan import Item
-from experiments.reproduction.sections import anycodes, anymemory, anytask
+from experiments.reproduction.sections import anycodes, anymemory, anystrict, anytask
 
 GROUP = "any"
 """What ``--only`` calls all of them."""
@@ -65,6 +65,12 @@ ANY_ITEMS: dict[str, Item] = {
         "WaterWorld, random maps",
         ("any-water",),
         anytask.tasks_of_run("any-water", {"a script": {"phi_water": published.SCRIPT_WATER}}, anytask.WATER_BARS),
+    ),
+    "any-strict": Item(
+        "Unseen in the strict sense: no row of the tests was drawn in training, under no names",
+        tuple(name for pair in anystrict.PAIRS for name in pair),
+        anystrict.strict,
+        smoke=("any-letters", "any-letters-strict"),
     ),
     "any-codes": Item(
         "Which code generalises: representations and levels, in the open ZoneEnv",

@@ -4,7 +4,9 @@
 what was drawn by chance and what was kept out both count.
 """
 
+import os
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +31,7 @@ from t2tl_jax.ltl.compiler.steps import Steps
 from t2tl_jax.ltl.languages import Language
 from t2tl_jax.ltl.split import Share
 from t2tl_jax.registry import make_env
-from t2tl_jax.runs import config_files
+from t2tl_jax.runs import config_files, pool_workers
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.pools import make_pools
@@ -51,12 +53,31 @@ Rows = tuple[frozenset[Language], frozenset[Language]]
 
 def rows_trained_on(config: Config, env: LabelledEnv) -> Rows:
     """The languages of all open rows of all pools of a training."""
+    numbers = range(-(-config.iterations // config.pool.period))
+    known: dict[Language, Language] = {}
+    if config.run.pool_processes:  # as many as there is something to do for here
+        count = min(config.run.pool_processes, os.cpu_count() or 1)
+        config = replace(config, run=replace(config.run, pool_processes=count))
+        with pool_workers.executor(config, env) as workers:
+            for new in workers.map(_new_in, numbers, chunksize=16):
+                known.update(new)
+        return frozenset(known), frozenset(known.values())
     pools = make_pools(config, env)
     assert pools is not None
-    known: dict[Language, Language] = {}
-    for number in range(-(-config.iterations // config.pool.period)):
+    for number in numbers:
         known.update(_renamed(pools.training(number), known))
     return frozenset(known), frozenset(known.values())
+
+
+_known: dict[Language, Language] = {}
+"""What a process that draws has met so far."""
+
+
+def _new_in(number: int) -> dict[Language, Language]:
+    """The open rows of a pool that this process had not met before."""
+    new = _renamed(pool_workers.draw(number), _known)
+    _known.update(new)
+    return new
 
 
 def _renamed(table: TaskTable, known: dict[Language, Language]) -> dict[Language, Language]:

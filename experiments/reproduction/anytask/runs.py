@@ -120,6 +120,9 @@ MERGED: dict[str, TaskEncoderConfig] = {
 
 MEMORIES = ("t1tl", "t2tl", "gru")
 
+STRICT = "-strict"
+"""Ending of the names of agents whose training met no row of the tests."""
+
 ANY_AGENTS = (
     *("any-zones", "any-letters", "any-flat", "any-water", "any-walls"),
     *(f"any-zones-broad-{text}" for text in TEXTS),
@@ -129,7 +132,7 @@ ANY_AGENTS = (
 
 def any_runs() -> dict[str, Run]:
     """Every run of agents for any task."""
-    return {**_headline(), **_broad(), **_solved(), **_encoders(), **_memory()}
+    return {**_headline(), **_strict(), **_broad(), **_solved(), **_encoders(), **_memory()}
 
 
 def _headline() -> dict[str, Run]:
@@ -163,6 +166,23 @@ def _headline() -> dict[str, Run]:
     dqn = _without(named_config("letters_any_dqn"), (*suites.LETTERS.tasks, *suites.LETTERS_LONG.tasks))
     dqn = replace(dqn, frames=DQN_FRAMES)
     return runs | {"any-letters-dqn": _run(dqn, ENCODER_SEEDS, suites=(suites.LETTERS, suites.LETTERS_LONG))}
+
+
+def _strict() -> dict[str, Run]:
+    """The same agents, to whom the tests are unseen in the strict sense: no row of theirs is drawn, under no names."""
+    tested = {
+        "any-zones": (suites.ZONES,),
+        "any-letters": (suites.LETTERS, suites.LETTERS_LONG),
+        "any-flat": (suites.FLAT,),
+        "any-water": (suites.WATER,),
+    }
+    runs = {}
+    for name, played in tested.items():
+        config = named_config(f"{name.removeprefix('any-')}_any")
+        tasks = ",".join(dict.fromkeys(task for suite in played for task in suite.tasks))
+        config = replace(config, pool=replace(config.pool, held_out=tasks))
+        runs[f"{name}{STRICT}"] = _run(config, HEADLINE_SEEDS, FIFTH_SEED, suites=played)
+    return runs
 
 
 def _broad() -> dict[str, Run]:

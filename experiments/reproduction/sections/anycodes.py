@@ -238,7 +238,7 @@ def read_alone(runs: Mapping[str, Stored]) -> str:
             over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if set(tasks) <= of.keys() else "not measured yet"
             for tasks in (suites.ZONE_Z, suites.ZONE_HARD)
         ]
-        met_of = [_rows_met(shares, tasks) for tasks in (suites.ZONE_Z, suites.ZONE_HARD, suites.ZONE_WIDE)]
+        met_of = [rows_met(shares, tasks) for tasks in (suites.ZONE_Z, suites.ZONE_HARD, suites.ZONE_WIDE)]
         kept_out = "all tests" if run.config.pool.unseen else "nothing"
         code, pool = name.removeprefix(PRETRAINED), run.config.pool
         drawn = f"{-(-run.config.iterations // pool.period) * pool.size:,}"
@@ -334,7 +334,7 @@ def _worst(values: np.ndarray) -> tuple[str, ...]:
     return tuple(f"{of.mean():.2f} ({of.min():.2f})" for of in values)
 
 
-def _rows_met(shares: Mapping[str, Mapping[str, str]], tasks: Sequence[str]) -> str:
+def rows_met(shares: Mapping[str, Mapping[str, str]], tasks: Sequence[str]) -> str:
     """Of all open rows of some tasks together, how many a training met up to renaming of propositions."""
     return _as_share(_counted(shares, [task for task in tasks if task in shares["renamed"]]))
 

@@ -1,0 +1,55 @@
+"""Agents whose training met no row of the tests, beside those that only never began with the tests themselves."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from experiments.reproduction.anytask import met, suites
+from experiments.reproduction.anytask.runs import STRICT
+from experiments.reproduction.claims import differences
+from experiments.reproduction.page import table
+from experiments.reproduction.sections.anycodes import rows_met
+from experiments.reproduction.sections.anytask import SAMPLED, figures, over_tasks
+from experiments.reproduction.stored import Stored
+
+TESTS: dict[str, dict[str, tuple[str, ...]]] = {
+    "any-zones": {"z1 to z6": suites.ZONE_Z, "g1 to s8": suites.ZONE_HARD},
+    "any-letters": {"letters_1 to 5": suites.LETTERS.tasks[:5]},
+    "any-flat": {"flat_1 to 5": suites.FLAT.tasks},
+    "any-water": {"phi_water": suites.WATER.tasks},
+}
+"""By agent, the tests by what they are called."""
+
+PAIRS = tuple((f"{name}{STRICT}", name) for name in TESTS)
+"""An agent, and the one whose training kept out the tests themselves alone, by the same settings but for seeds."""
+
+NOTE = """Success of the sampled policy, means over seeds and tasks, both as samples. Rows met: of the tests' open rows,
+how many were a row of any pool of the training, whatever their propositions are called. The strict agents draw from
+the same families, of which every formula is left out that is, or can become, a row of a test; so they also learn from
+fewer kinds of last steps, and what they lose is not by the tests' novelty alone."""
+
+
+def strict(runs: Mapping[str, Stored]) -> str:
+    """Success on the tests, rows met, and the differences; '' until a strict agent is there."""
+    rows, values = [], {}
+    for first, second in PAIRS:
+        if first not in runs:
+            continue
+        for name in (first, second):
+            if name not in runs:
+                continue
+            of, shares = figures(runs[name]), met.read(runs[name].path)
+            for called, tasks in TESTS[second].items():
+                if set(tasks) <= of.keys():
+                    worst = min(float(np.nanmin(of[task][SAMPLED]["success_rate"])) for task in tasks)
+                    success = over_tasks(of, tasks, SAMPLED, "success_rate").text()
+                    rows.append((name, called, rows_met(shares, tasks), success, f"{worst:.3f}"))
+            known = [task for tasks in TESTS[second].values() for task in tasks if task in of]
+            if known:
+                means = np.mean([of[task][SAMPLED]["success_rate"] for task in known], axis=0)
+                values[name] = dict(zip(runs[name].seeds, means.tolist(), strict=True))
+    if not rows:
+        return ""
+    shown = table(("agent", "tests", "rows met, up to names", "success", "worst seed and task"), rows)
+    gaps = differences({name: runs[name] for name in values}, list(PAIRS), values, "success, mean of these tests")
+    return "\n\n".join(part for part in (shown, gaps, NOTE) if part)

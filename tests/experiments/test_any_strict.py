@@ -1,0 +1,61 @@
+"""Agents to whom the tests are unseen in the strict sense: what is kept out of their pools, and what the page says."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from experiments.reproduction import claims
+from experiments.reproduction.anytask import met, tested
+from experiments.reproduction.anytask.runs import STRICT
+from experiments.reproduction.runs import all_runs
+from experiments.reproduction.sections import anystrict
+from t2tl_jax.ltl import resolve_tasks, row_languages
+from t2tl_jax.registry import make_env
+from tests.made_up_runs import write
+from tests.runs.test_pool_workers import CONFIG
+
+
+@pytest.fixture(autouse=True)
+def unpaired(monkeypatch):
+    monkeypatch.setattr(claims, "worlds", lambda config, seeds: None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [first for first, _ in anystrict.PAIRS])
+def test_no_row_of_the_tests_is_met_under_any_names(name):
+    config = all_runs()[name].config
+    config = replace(config, pool=replace(config.pool, size=64, rows=512), frames=1)  # of the first pool
+    env = make_env(config.env)
+    _, renamed = met.rows_trained_on(config, env)
+    tests = {task for tasks in anystrict.TESTS[name.removesuffix(STRICT)].values() for task in tasks}
+    formulas = resolve_tasks(tests).values()
+    of_tests = row_languages(formulas, env.propositions, env.alphabet, renamed=True)
+    assert len(renamed) > 20 and len(of_tests) > 1 and renamed.isdisjoint(of_tests)
+
+
+@pytest.mark.slow
+def test_processes_count_the_same_rows():
+    env = make_env(CONFIG.env)
+    alone = replace(CONFIG, run=replace(CONFIG.run, pool_processes=0))
+    assert met.rows_trained_on(CONFIG, env) == met.rows_trained_on(alone, env)
+
+
+def made(tmp_path, name, success, rows):
+    run = write(tmp_path / name, all_runs()[name].config, seeds=(1, 2, 3))
+    tasks = [task for tasks in anystrict.TESTS[name.removesuffix(STRICT)].values() for task in tasks]
+    of = {policy: {"success_rate": success} for policy in ("sampled", "deterministic")}
+    (run.path / tested.FILE).write_text(json.dumps({"x": {"scale": "full", "tasks": dict.fromkeys(tasks, of)}}))
+    shares = {"exactly": {}, "renamed": dict.fromkeys(tasks, rows), "rows": {}}
+    (run.path / met.FILE).write_text(json.dumps(shares))
+    return run
+
+
+def test_a_strict_agent_stands_beside_the_other(tmp_path):
+    values = {"any-flat": [0.9, 0.91, 0.92], "any-flat-strict": [0.7, 0.71, 0.72]}
+    runs = {name: made(tmp_path, name, of, "0/2" if STRICT in name else "1/2") for name, of in values.items()}
+    text = anystrict.strict(runs)
+    strict, loose = (line for line in text.splitlines() if line.startswith("| any-flat") and " | flat_1 to 5 |" in line)
+    assert "| 0/10 | 0.710 [" in strict and strict.endswith("| 0.700 |") and "| 5/10 | 0.910 [" in loose
+    assert "| any-flat-strict - any-flat | -0.200 [" in text and "Corrected for 4 comparisons, 1 of which" in text
+    assert anystrict.strict({"any-flat": runs["any-flat"]}) == ""
