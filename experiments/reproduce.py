@@ -6,6 +6,7 @@ processes may work on the same folder: each takes runs that no other one has tak
 """
 
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ from t2tl_jax.errors import UserError, explained
 from t2tl_jax.flags import parse
 from t2tl_jax.names import nearest
 from t2tl_jax.quiet import quiet_imports
+
+STARTED = time.monotonic()
 
 ROOT = Path(__file__).parents[1]
 SHARED = ("only", "scale", "seeds", "minutes", "folder")
@@ -75,7 +78,9 @@ def _main(texts: Sequence[str]) -> int:
         from experiments.reproduction.page import page
         from experiments.reproduction.plan import Scale
         from experiments.reproduction.runs import AGENTS, MAPS, all_runs
+        from t2tl_jax.runs import provenance
         from t2tl_jax.runs.config import RunConfig
+        from t2tl_jax.runs.folder import write_json
         from t2tl_jax.runs.interrupts import StopRequest
         from t2tl_jax.training.seeds import FIRST_TUNING_SEED, parse_seeds
 
@@ -112,6 +117,7 @@ def _main(texts: Sequence[str]) -> int:
     if arguments.scale == "smoke":
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
+    anew = not any(base.glob("*/status.json"))
     if arguments.workers:
         jax.config.update("jax_platforms", "cpu")  # this process only waits, and then reads what there is
         progress = work.Progress(runs, names, scale, base)
@@ -148,6 +154,11 @@ def _main(texts: Sequence[str]) -> int:
     print(f"written: {shown}")
     if len(finished) < len(work.needed(runs, names)):
         print(f"{len(finished)} of {len(work.needed(runs, names))} runs are done; the same command goes on")
+    elif anew and not failed:
+        seconds = round(time.monotonic() - STARTED, 1)
+        print(f"all of it took {seconds:.0f} s, the start of the program included")
+        content = {"where": provenance.describe(["python", "-m", "experiments.reproduce", *texts]), "seconds": seconds}
+        write_json(base / "time.json", content | {"items": len(items), "runs": len(finished)})
     if failed:
         print(f"failed: {', '.join(failed)}")
     return 1 if failed else 0

@@ -136,6 +136,7 @@ def documentation(root: Path) -> Documentation:
             "trainings": speed.everything(results),
             "aims": aims(results),
             "whole": speed.whole(paper),
+            "smoke": speed.smoke(results),
             "scaling": scaling(results),
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),

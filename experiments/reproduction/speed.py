@@ -174,6 +174,21 @@ def _benchmark_steps(runs: Mapping[str, Stored]) -> str:
     )
 
 
+SMOKE = "smoke.json"
+"""What ``experiments.reproduce --scale smoke`` writes as time.json, among the results."""
+
+
+def smoke(results: Path) -> str:
+    """How long the smoke test of all items took."""
+    if not (results / SMOKE).is_file():
+        return "Not measured yet."
+    stored = read_json(results / SMOKE)
+    return paragraph(
+        f"The smoke test of all {stored['items']} items (`{shlex.join(stored['where']['command'])}`), which trains "
+        f"{stored['runs']} runs for a moment each: {stored['seconds'] / 60:.1f} minutes. {origin([stored['where']])}"
+    )
+
+
 def gpu_minutes(runs: Sequence[Stored]) -> float:
     """How long GPUs trained and compiled, in minutes: of each host as many at once as it ran runs, or had GPUs."""
     changes: dict[tuple[str, int], list[tuple[float, int]]] = {}

@@ -251,3 +251,13 @@ def test_the_time_of_all_runs_is_that_of_gpus_which_they_shared():
     text = " ".join(speed.whole(runs | {"codes": SimpleNamespace(status={})}).split())
     assert "All 5 runs: 9 minutes of training and 5 of compiling" in text and "busy for 10 minutes" in text
     assert text.endswith("in minutes: d 4, c 2, a 1, b 1, e 1.") and speed.whole({}) == ""
+
+
+def test_the_time_of_the_smoke_test_is_that_of_a_stored_one(tmp_path):
+    assert speed.smoke(tmp_path) == "Not measured yet."
+    where = {"command": ["python", "-m", "experiments.reproduce"], "devices": ["cpu"] * 2, "git_revision": "b" * 40}
+    stored = {"where": where, "seconds": 600.0, "items": 27, "runs": 35}
+    (tmp_path / speed.SMOKE).write_text(json.dumps(stored))
+    said = " ".join(speed.smoke(tmp_path).split())
+    assert "all 27 items (`python -m experiments.reproduce`), which trains 35 runs" in said
+    assert "10.0 minutes" in said and "bbbbbbb" in said
