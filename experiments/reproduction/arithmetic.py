@@ -67,7 +67,8 @@ def substep(results: Path) -> str:
 
 
 def _on_a_gpu(results: Path, straight: Mapping[str, float]) -> list[str]:
-    steps = {row.size: row for _, row in _rows(results, "environments") if row.what == "zones, mjx"}
+    measured_rows = [(where, row) for where, row in _rows(results, "environments") if row.what == "zones, mjx"]
+    steps = {row.size: row for _, row in measured_rows}
     if len(steps) < 2:
         return []
     sizes = sorted((int(size.split()[0].replace(",", "")), row) for size, row in steps.items())
@@ -85,7 +86,7 @@ def _on_a_gpu(results: Path, straight: Mapping[str, float]) -> list[str]:
         probably the time of many small kernels; in the 24,576 environments of 12 seeds that is
         {(passes[0] - few * each) / (passes[0] - (few - 24_576) * each):.0%} of it. Fewer kernels are what could be
         gained there."""
-    return [paragraph(text)]
+    return [paragraph(text), origin([where for where, _ in measured_rows])]
 
 
 def gradient(results: Path) -> str:

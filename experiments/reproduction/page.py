@@ -8,6 +8,7 @@ from typing import Any
 from experiments import tuning
 from experiments.reproduction.plan import Item
 from experiments.reproduction.stored import Stored
+from t2tl_jax.runs import faults
 
 SMOKE = "**Smoke test: tiny networks and budgets, closed-form physics. These figures mean nothing.**"
 
@@ -82,6 +83,12 @@ def made_by(runs: Sequence[Stored]) -> str:
     counts = f"Seeds: {', '.join(map(str, seeds))}. " if any(seeds) else ""
     chosen = sorted({seed for run in runs if run.seeds for seed in tuning.tuning_seeds(run.config, run.seeds)})
     note = f" Settings were chosen in part on seeds {tuning.in_words(chosen)} of these." if chosen else ""
+    broken = [
+        f"{run.path.name} seed {seed} after {entry['frames']:,} frames ({entry['cause']})"
+        for run in runs
+        for seed, entry in run.status.get(faults.NAME, {}).items()
+    ]
+    note += f" Frozen, and shown as they were then: {'; '.join(broken)}." if broken else ""
     return paragraph(f"{counts}{origin([run.versions for run in runs])}{note}")
 
 

@@ -11,7 +11,11 @@ from t2tl_jax.runs.callbacks import TrainingProgress
 from t2tl_jax.training.guard import CAUSES, Fault
 
 NAME = "faults"
-"""Among the notes of a run, and so in ``status.json`` and in checkpoints: {seed: {"iteration", "frames", "cause"}}."""
+"""Among the notes of a run, and so in ``status.json`` and in checkpoints: {seed: {"iteration", "frames", "fault",
+"cause"}}, where `fault` is the name that a program knows and `cause` says it in words."""
+
+ALL_FROZEN = "every seed is frozen"
+"""Why a run ends in which nothing is left to train."""
 
 
 def note(progress: TrainingProgress, faults: np.ndarray) -> None:
@@ -20,9 +24,10 @@ def note(progress: TrainingProgress, faults: np.ndarray) -> None:
         seed, known = progress.seeds[index], progress.notes.setdefault(NAME, {})
         if str(seed) in known:
             continue
-        cause, frames = CAUSES[Fault(int(faults[index]))], progress.frames_per_iteration
+        fault, frames = Fault(int(faults[index])), progress.frames_per_iteration
+        cause = CAUSES[fault]
         first, last = (progress.done - 1) * frames, progress.done * frames
-        known[str(seed)] = {"iteration": progress.done, "frames": last, "cause": cause}
+        known[str(seed)] = {"iteration": progress.done, "frames": last, "fault": fault.name, "cause": cause}
         warnings.warn(
             f"seed {seed}, iteration {progress.done:,} (frames {first:,} to {last:,}): {cause}. The seed is frozen: it "
             "keeps what it had learned before that iteration; the other seeds go on. status.json tells it, and the "
@@ -46,9 +51,18 @@ def first(progress: TrainingProgress) -> int | None:
 
 def codes(progress: TrainingProgress) -> np.ndarray:
     """The fault of every seed so far, int32[seeds], as the program takes them."""
-    of_cause = {cause: fault for fault, cause in CAUSES.items()}
-    causes = {seed: entry["cause"] for seed, entry in progress.notes.get(NAME, {}).items()}
-    return np.array([of_cause.get(causes.get(str(seed), ""), Fault.NONE) for seed in progress.seeds], np.int32)
+    known = progress.notes.get(NAME, {})
+    return np.array([_code(known[str(seed)]) if str(seed) in known else 0 for seed in progress.seeds], np.int32)
+
+
+def _code(entry: Mapping[str, Any]) -> Fault:
+    """Of what is known of a seed; where that says nothing of its fault, some: whatever it was, the seed is frozen."""
+    return Fault.__members__.get(str(entry.get("fault")), Fault.ENVIRONMENT)
+
+
+def all_frozen(progress: TrainingProgress) -> bool:
+    """Whether no seed is left to train."""
+    return len(progress.notes.get(NAME, {})) == len(progress.seeds)
 
 
 def of_lanes(known: Mapping[str, Any], lanes: Sequence[int], seeds: Sequence[int]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from t2tl_jax.runs import faults
 from t2tl_jax.runs.callbacks import Callback, TrainingProgress
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json, writing
 
@@ -14,9 +13,8 @@ class StatusFile(Callback):
         """Take up what the session before this one left: its times, and what is known of a pre-training."""
         self._folder = folder
         self._earlier = read_json(folder.status)
-        for name in ("pretraining", faults.NAME):
-            if name in self._earlier:
-                progress.notes[name] = self._earlier[name]
+        if "pretraining" in self._earlier:
+            progress.notes["pretraining"] = self._earlier["pretraining"]
 
     def on_checkpoint(self, progress: TrainingProgress) -> None:
         """The training goes on."""

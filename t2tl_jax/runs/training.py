@@ -38,7 +38,7 @@ from t2tl_jax.training.devices import place
 from t2tl_jax.training.program import place_params
 from t2tl_jax.training.types import Metrics
 
-ENDS = ("complete", "converged", "success")
+ENDS = ("complete", "converged", "success", faults.ALL_FROZEN)
 """Why a training ends that is not to go on."""
 
 
@@ -213,6 +213,8 @@ class Training:
     def _own_reason(self) -> str:
         if self.stop.requested:
             return "interrupted"
+        if faults.all_frozen(self.progress):
+            return faults.ALL_FROZEN
         if self.convergence.reached:
             return "converged"
         return "success" if self.experiment.config.until_solved and self.success.all else ""

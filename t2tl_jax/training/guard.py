@@ -73,8 +73,9 @@ def watched(agent: Agent) -> Agent:
 
     Looked at are the scalars whose names hold "loss" or "gradient", what an environment says of its physics
     (`LabelledEnv.failed`), and the observations of a learner that keeps its environments in a field `episodes` of its
-    state. A seed is frozen by what is found, or by `TaskParams.fault`, which it is given back. Its scalars and episodes
-    are those of the iteration that it tries and does not keep.
+    state. A seed is frozen by what is found, or by `TaskParams.fault`, which it is given back. Its scalars are those of
+    the iteration that it tries and does not keep; the episodes of that are none, so that nobody takes what comes again
+    and again for success, or for failure.
     """
 
     def iterate(state: Any, env_params: TaskParams) -> tuple[Any, Metrics]:
@@ -93,15 +94,19 @@ def watched(agent: Agent) -> Agent:
         earlier = getattr(env_params, "fault", ())
         if not isinstance(earlier, tuple):
             fault = jnp.where(jnp.asarray(earlier) != Fault.NONE, earlier, fault)
-        after = _chosen(fault == Fault.NONE, after, state, agent.replay)
-        return after, metrics.replace(scalars=scalars, fault=fault)  # type: ignore[attr-defined]
+        is_good = fault == Fault.NONE
+        after = _chosen(is_good, after, state, agent.replay)
+        episodes, tasks = jax.tree.map(
+            lambda x: jnp.where(is_good, x, jnp.zeros_like(x)), (metrics.episodes, metrics.tasks)
+        )
+        return after, replace(metrics, episodes=episodes, tasks=tasks, scalars=scalars, fault=fault)
 
     return agent._replace(iterate=iterate)
 
 
 def _chosen(is_good: jax.Array, after: Any, before: Any, replay: str) -> Any:
     """`after` if that is good, else `before`, but for the replay."""
-    new, old = (jax.tree.map(lambda x: (x.shape, x.dtype), tree) for tree in (after, before))
+    new, old = (jax.tree.map(lambda x: (jnp.shape(x), jnp.result_type(x)), tree) for tree in (after, before))
     if new != old:  # a learner that changes the form of its state, which whoever traces it tells
         return after
     if replay:

@@ -40,9 +40,9 @@ def test_each_method_in_the_papers_form_stands_beside_itself(make):
         for name, level in levels.items()
     }  # fmt: skip
     text = " ".join(water_form.why(runs).split())
-    assert "Training it on, with the head as it is, costs t1tl 0.100" in text and "gnn 0.100" in text
-    assert "concatenating takes t1tl 0.100" in text and "too old do not explain it" in text
-    assert "move 0.100 instead of 0.300" in text and "gains 0.050" in text
+    assert "with the same head, by t1tl 0.100" in text and "gnn 0.100" in text
+    assert "which concatenates, by t1tl 0.100" in text and "no sign of older targets" in text
+    assert "move 0.100 instead of 0.300" in text and "the difference is 0.050" in text
     assert "difference whose interval leaves out 0 for none" in text  # by what they end with they are equal
     assert "success of the final parameters, in episodes of their own" in water_form.water_form(runs)
     assert water_form.why({name: run for name, run in runs.items() if name != water_form.SLOW}) == ""

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import chex
 import jax
@@ -176,11 +177,57 @@ def test_a_broken_seed_is_told_once_and_frozen_and_the_others_go_on(monkeypatch,
             chex.assert_trees_all_equal(params, params_of(healthy, seed))
             continue
         first = 1 + int(broken[seed].argmax())
-        assert told[str(seed)] == {"iteration": first, "frames": 100 * first, "cause": CAUSES[Fault.LOSS]}
+        where = {"iteration": first, "frames": 100 * first}
+        assert told[str(seed)] == where | {"fault": "LOSS", "cause": CAUSES[Fault.LOSS]}
+        assert not result.metrics["episodes"][seed, first - 1 :].any()
         assert broken[seed, first - 1 :].all()
         before = train(replace(BROKEN, frames=100 * (first - 1), seeds=f"{seed},"))
         # The learning rate does not depend on the number of frames.
         chex.assert_trees_all_close(params, params_of(before, 0), rtol=1e-6)
+
+
+def lucky(*given):
+    """Half of the episodes succeed, but all of those of an iteration in which some seeds break, which comes again."""
+    agent = fake_agent.make_agent(*given)
+
+    def iterate(state, env_params):
+        after, metrics = agent.iterate(state, env_params)
+        breaks = (jax.random.key_data(state.key)[-1] % 2 == 0) & (state.iteration == 2)
+        episodes = replace(NOBODY, episodes=jnp.int32(10), successes=jnp.where(breaks, 10, 5))
+        loss = jnp.where(breaks, NAN, metrics.scalars["loss"])
+        return after, Metrics(episodes, metrics.scalars | {"loss": loss})
+
+    return agent._replace(iterate=iterate)
+
+
+def test_a_frozen_seed_does_not_solve_its_task_by_what_it_does_not_keep(monkeypatch):
+    monkeypatch.setitem(AGENTS._kinds, "fake", Kind(fake_agent.FakeConfig, lucky))
+    result = train(replace(CONFIG, frames=2000, seeds="4", until_solved=True))
+    frozen = np.isnan(result.metrics["loss"]).any(axis=1)
+    assert 0 < frozen.sum() < 4 and result.ended == "complete" and result.iteration == 20
+    assert result.success_since == dict.fromkeys(range(4)) and np.nanmax(result.metrics["success_rate"]) == 0.5
+
+
+def test_a_run_ends_when_every_seed_is_frozen(spoiled, tmp_path):
+    broken = [seed for seed, loss in enumerate(train(BROKEN).metrics["loss"]) if np.isnan(loss).any()]
+    alone = replace(BROKEN, seeds=f"{broken[0]},")
+    result = train(alone, folder=tmp_path / "run")
+    assert result.ended == faults.ALL_FROZEN and result.iteration < 8
+    assert resume(tmp_path / "run").iteration == result.iteration
+
+
+def test_whatever_a_stored_fault_is_called_its_seed_stays_frozen():
+    entries = {"3": {"fault": "GRADIENT", "cause": "x"}, "4": {"fault": "of a later version"}, "5": {"cause": "of old"}}
+    progress = SimpleNamespace(seeds=(3, 4, 5, 6), notes={faults.NAME: entries})
+    assert faults.codes(progress).tolist() == [Fault.GRADIENT, Fault.ENVIRONMENT, Fault.ENVIRONMENT, Fault.NONE]
+
+
+def test_a_state_may_hold_plain_numbers():
+    def iterate(state, env_params):
+        return {"count": 3, "w": state["w"] + 1}, Metrics(NOBODY, {"loss": jnp.float32(0)})
+
+    state, _ = jax.jit(watched(Agent(None, iterate, None, None, 1)).iterate)({"count": 2, "w": jnp.int32(0)}, None)
+    assert (int(state["count"]), int(state["w"])) == (3, 1)
 
 
 def test_a_frozen_seed_stays_so_when_what_broke_it_is_gone():
