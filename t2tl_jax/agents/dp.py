@@ -8,7 +8,6 @@ to bottom.
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -179,7 +178,7 @@ def make_dp(env: TaskEnv, config: DPConfig, episode_length: int, iterations: int
     def restart(state: DPState, env_params: TaskParams) -> DPState:
         """Nothing of it speaks of the former tasks."""
         del env_params
-        return replace(state)
+        return state
 
     acting = acting_of(apply)
     return Agent(
