@@ -5,6 +5,8 @@ Every condition is one that NaN does not meet.
 
 import math
 
+import numpy as np
+
 COUNTER_LIMIT = 2**31 - 1
 """The largest number to which the counters of a compiled program, int32, can count."""
 
@@ -16,6 +18,22 @@ POOL_LIMIT = 2**26
 """Most bytes of the maps that one seed has at a time: 64 MiB, some hundred thousand maps, which take minutes."""
 
 
+def whole(config: object, *names: str) -> None:
+    """Fields that hold whole numbers, which may be given as 2e5 or by NumPy: they become those of Python, and files can
+    hold them.
+
+    Raises:
+        ValueError: for the first that is not whole.
+    """
+    for name in names:
+        value = getattr(config, name)
+        if isinstance(value, int) or not isinstance(value, float | np.number):
+            continue
+        if not float(value).is_integer():
+            raise ValueError(f"{name} must be a whole number, got {value}")
+        object.__setattr__(config, name, int(value))  # also of a frozen dataclass that is being made
+
+
 def counts(
     config: object,
     *names: str,
@@ -23,11 +41,13 @@ def counts(
     most: int = COUNTER_LIMIT,
     why: str = "since programs count in 32 bits",
 ) -> None:
-    """Fields that hold whole numbers from `least` to `most`, by default what a counter can hold; `why` no more.
+    """Fields that hold whole numbers (see `whole`) from `least` to `most`, by default what a counter can hold; `why` no
+    more.
 
     Raises:
         ValueError: for the first that does not; so do the other checks.
     """
+    whole(config, *names)
     for name in names:
         value = getattr(config, name)
         if value < least:

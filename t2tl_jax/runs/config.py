@@ -135,6 +135,7 @@ class PoolConfig:
     def __post_init__(self) -> None:
         checks.counts(self, "size", "period", "length")
         checks.counts(self, "nodes", least=0)
+        checks.whole(self, "rows", "seed")
         if self.rows < 3:
             raise ValueError(f"rows counts true, false and every open formula: at least 3, got {self.rows}")
 
@@ -219,6 +220,7 @@ class Config:
     def __post_init__(self) -> None:
         if isinstance(self.task, str) and self.task.strip() in named_families():
             object.__setattr__(self, "task", named_families()[self.task.strip()])
+        checks.whole(self, "frames")
         if self.frames < 1:
             raise ValueError(f"frames must be at least 1, got {self.frames}")
         # One less than other counts: random lengths of first episodes are drawn from below the next number.

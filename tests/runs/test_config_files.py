@@ -2,8 +2,10 @@
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -62,6 +64,19 @@ def first_format(**changes):
     """A configuration as version 0.1 stored it."""
     data = json.loads((Path(__file__).parent / "run_of_0_1" / "config.json").read_text())
     return data | changes
+
+
+def test_whole_numbers_may_be_given_as_others_that_are_whole():
+    """2e5 in Python is a float, which a file would not be read with again."""
+    pool = dataclasses.replace(ZONE.pool, size=np.int64(8), rows=256.0)
+    own = dataclasses.replace(ZONE, frames=2e5, episode_length=np.float32(200), pool=pool)
+    assert own == dataclasses.replace(
+        ZONE, frames=200_000, episode_length=200, pool=dataclasses.replace(ZONE.pool, size=8, rows=256)
+    )
+    assert config_files.from_json(config_files.to_json(own), "test") == own
+    for field, value in [("frames", 200.5), ("frames", math.inf), ("episode_length", math.nan)]:
+        with pytest.raises(ValueError, match=f"{field} must be a whole number, got {value}"):
+            dataclasses.replace(ZONE, **{field: value})
 
 
 def test_kinds_and_names_of_the_first_format_become_those_of_today():

@@ -78,7 +78,11 @@ def run_fake(callbacks=(), **changes):
     """As many iterations of a learner that compiles in an instant, for what does not depend on the learner."""
     nothing = SelectionConfig(points=0)  # its actions are not those of the environment
     return t2tl_jax.train(
-        ProbeEnv(), TASK, FakeConfig(), seeds=2, frames=300, callbacks=callbacks, selection=nothing, **changes
+        ProbeEnv(),
+        TASK,
+        FakeConfig(),
+        callbacks=callbacks,
+        **{"seeds": 2, "frames": 300, "selection": nothing, **changes},
     )
 
 
@@ -201,6 +205,11 @@ def test_resume_of_a_complete_run_trains_no_more(run):
     assert [entry[0] for entry in diary.entries] == ["plan", "end"] and again.iteration == 3
     with pytest.raises(UserError, match=r"a resumed run keeps its configuration.*not task"):
         t2tl_jax.resume(run[0].folder, env=ProbeEnv(), task="F Up")
+
+
+def test_frames_as_a_float_are_stored_as_a_whole_number(tmp_path):
+    assert run_fake(frames=2e2, folder=tmp_path / "run").iteration == 2
+    assert t2tl_jax.resume(tmp_path / "run", env=ProbeEnv(), frames=3e2).iteration == 3
 
 
 @pytest.mark.slow
@@ -378,6 +387,7 @@ def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from():
         ((ProbeEnv(), "F(", PPO), {}, "F\\("),
         ((ProbeEnv(), "true", PPO), {}, "true from the start"),
         ((ProbeEnv(), TASK, PPO), {"frames": 0}, "frames must be at least 1"),
+        ((ProbeEnv(), TASK, PPO), {"frames": 200.5}, "frames must be a whole number, got 200.5"),
         ((ProbeEnv(), TASK, PPO), {"seeds": ()}, "seeds"),
         ((ProbeEnv(), TASK, PPO), {"seeds": (1, 1)}, "every seed may appear once"),
         ((ProbeEnv(), TASK, PPO), {"seeds": 0}, "number of seeds"),
