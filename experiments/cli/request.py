@@ -18,14 +18,14 @@ from t2tl_jax.flags import HELP, parse
 from t2tl_jax.ltl import TaskFamily, named_families
 from t2tl_jax.registry import configs, named_config
 from t2tl_jax.runs import config_files, machine_files
-from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.config import Config, RunConfig
 from t2tl_jax.runs.config_files import REGISTRIES
-from t2tl_jax.runs.folder import open_existing
+from t2tl_jax.runs.folder import name_of, open_existing
 
 DESCRIPTION = """Train an agent on a temporal-logic task.
 
   --config NAME   start from a named configuration, or from that in a file, NAME.json, such as the config.json of a
-                  run; every option below overrides one of its fields
+                  run, whose run.folder is not taken; every option below overrides one of its fields
   --method NAME   make it one of the methods t2tl, t1tl, gnn, rm, dfa, dfa_cont, dfa_number or rm_6, and no more
   --list          show the named configurations, the methods, and what else has a name
   --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer),
@@ -129,7 +129,9 @@ def configuration(asked: Request, prefix: str, prog: str) -> tuple[Config, str]:
         name = prefix + given
         config = named_config(name)
     else:
-        config, name = config_files.load(Path(given)), Path(given).stem
+        config, name = config_files.load(Path(given)), name_of(Path(given))
+        # Where runs are written, this machine says or a flag: a file may be a stranger's.
+        config = dataclasses.replace(config, run=dataclasses.replace(config.run, folder=RunConfig().folder))
     if asked.method is not None:
         config, name = apply(config, asked.method), f"{name}_{asked.method}"
     config = override(config, asked.rest, prog)
@@ -137,16 +139,18 @@ def configuration(asked: Request, prefix: str, prog: str) -> tuple[Config, str]:
 
 
 def _of_file(config: Config, file: Path, flags: Sequence[str]) -> Config:
-    """What flags made of a configuration from a file, with the task's file from beside it unless a flag names the task;
-    a note says what else is read elsewhere.
+    """What flags made of a configuration from a file, with the task's file from beside it, and the pre-training as it
+    is named from there, unless a flag names these; a note says what else is read elsewhere.
 
     Raises:
         UserError: where the task is a file that does not lie there.
     """
     from t2tl_jax.runs import pretraining  # which loads what --help need not wait for
 
-    if (elsewhere := pretraining.elsewhere(config)) and find(flags, "--pretrained")[1] is None:
-        warnings.warn(f"pre-trained by what {file} names: {elsewhere}", Note, stacklevel=2)
+    if find(flags, "--pretrained")[1] is None:
+        config = pretraining.located(config, file.parent)
+        if elsewhere := pretraining.elsewhere(config):
+            warnings.warn(f"pre-trained by what {file} names: {elsewhere}", Note, stacklevel=2)
     return machine_files.with_copy(config, file.parent) if find(flags, "--task")[1] is None else config
 
 

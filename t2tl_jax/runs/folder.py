@@ -4,6 +4,7 @@ import fcntl
 import itertools
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,6 +34,10 @@ class RunFolder:
         self.certificates = self.path / "certificates.json"
 
 
+_STAMP = r"\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?"
+"""The time in the names that `new_path` makes."""
+
+
 def new_path(base: Path, name: str) -> Path:
     """A folder ``base/name/<time>`` that does not exist yet."""
     stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
@@ -42,6 +47,15 @@ def new_path(base: Path, name: str) -> Path:
         for path in (parent / (stamp if attempt == 1 else f"{stamp}_{attempt}") for attempt in itertools.count(1))
         if not path.exists()
     )
+
+
+def name_of(file: Path) -> str:
+    """What runs of a configuration in a file are called: as the file is, or as the run that a ``config.json`` is of,
+    which lies in ``NAME/<time>`` or in a folder NAME."""
+    if file.name != RunFolder(file.parent).config.name:
+        return file.stem
+    folder = file.parent.resolve()
+    return (folder.parent.name if re.fullmatch(_STAMP, folder.name) else folder.name) or file.stem
 
 
 def check_new(path: Path) -> Path:

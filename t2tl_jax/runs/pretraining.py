@@ -59,11 +59,12 @@ def elsewhere(config: Config) -> str:
     return "" if config.pretrained == GIVEN else config.pretrained
 
 
-def located(config: Config) -> Config:
-    """The configuration with its pre-training run as an absolute path, which is the same from every directory."""
+def located(config: Config, folder: Path = Path()) -> Config:
+    """The configuration with its pre-training run, as seen from a folder, by default that of this process, as an
+    absolute path, which is the same from every directory."""
     if is_auto(config) or not elsewhere(config):
         return config
-    return replace(config, pretrained=str(Path(config.pretrained).expanduser().resolve()))
+    return replace(config, pretrained=str((folder / Path(config.pretrained).expanduser()).resolve()))
 
 
 def matching(config: Config, env: LabelledEnv) -> Config:

@@ -96,6 +96,46 @@ def test_a_configuration_from_a_file_reads_what_lies_beside_it(machine, tmp_path
     assert own.task == str(file.parent / machine.name) and own.run.compilation_cache == RunConfig().compilation_cache
 
 
+def test_a_pretraining_is_named_as_seen_from_the_file(tmp_path, monkeypatch):
+    """As stored runs name it; a flag names it as seen from here. Where runs are written, no file says."""
+    named = dataclasses.replace(CONFIG, pretrained="../x")
+    named = dataclasses.replace(named, run=dataclasses.replace(named.run, folder="/theirs"))
+    file = tmp_path / "results" / "mine" / "config.json"
+    file.parent.mkdir(parents=True)
+    file.write_text(config_files.to_json(named))
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+    def given(path, *flags):
+        return request.configuration(request.read(["--config", str(path), *flags]), "", "run")[0]
+
+    for path in (file, Path("../results/mine/config.json")):
+        with pytest.warns(Note, match="pre-trained by what .*config.json names: /.*x"):
+            assert given(path).pretrained == str(tmp_path / "results" / "x")
+    own = given(file, "--pretrained", "../x")
+    assert pretraining.located(own).pretrained == str(tmp_path / "x") and own.run.folder == "runs"
+    assert given(file, "--pretrained", "auto", "--run.folder", "elsewhere").run.folder == "elsewhere"
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        ("runs/zone_ppo/2026-01-31_12-00-00/config.json", "zone_ppo"),
+        ("runs/zone_ppo/2026-01-31_12-00-00_2/config.json", "zone_ppo"),
+        ("runs/zone_ppo/2026-01-31_12-00-00/pretraining/config.json", "pretraining"),
+        ("results/any/zones/config.json", "zones"),
+        ("results/any/zones/mine.json", "mine"),
+        ("/config.json", "config"),
+    ],
+)
+def test_runs_of_a_configuration_in_a_file_are_called_as_its_run(path, name, tmp_path, monkeypatch):
+    assert run_folder.name_of(tmp_path / path) == name
+    if not Path(path).is_absolute():
+        (tmp_path / path).parent.mkdir(parents=True)
+        monkeypatch.chdir((tmp_path / path).parent)
+        assert run_folder.name_of(Path(Path(path).name)) == name
+
+
 @pytest.mark.parametrize(
     ("pretrained", "read"),
     [("", ""), ("given", ""), ("auto", ""), ("auto:own", ""), ("auto:a.rm", "a.rm"), ("runs/given", "runs/given")],
