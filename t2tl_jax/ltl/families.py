@@ -6,6 +6,7 @@ stores. The data families of the project are in `family_trees`.
 
 import random
 import re
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -57,6 +58,8 @@ class _Family:
     parameters: tuple[str, ...]
     least: int | Callable[..., int]
     example: str
+    module: str
+    """Which registered it."""
 
     @property
     def shape(self) -> str:
@@ -114,7 +117,10 @@ def register_family(
             f'the family "{name}" is registered with another function, {_where(old.draw)}; choose another name for '
             f"{_where(draw)}"
         )
-    family = _Family(name, draw, tuple(parameters), least, example or "_".join([name, *["1"] * len(parameters)]))
+    # Of whoever calls this: `draw` may be of another module that registers nothing, or a callable without a module.
+    module = sys._getframe(1).f_globals.get("__name__", "__main__")
+    example = example or "_".join([name, *["1"] * len(parameters)])
+    family = _Family(name, draw, tuple(parameters), least, example, module)
     if family.example.split("_")[0] != name or _numbers(family, family.example) is None:
         raise LTLError(f'the example "{family.example}" of the family "{name}" does not read {family.shape}')
     _FAMILIES[name] = family
@@ -146,8 +152,8 @@ def named_families() -> dict[str, TaskFamily]:
 
 
 def modules_of_families() -> tuple[str, ...]:
-    """Where the functions of the others are; another process that imports these modules knows the families too."""
-    return tuple(dict.fromkeys(family.draw.__module__ for family in _FAMILIES.values()))
+    """What registered the others; another process that imports these modules knows the families too."""
+    return tuple(dict.fromkeys(family.module for family in _FAMILIES.values()))
 
 
 def sample(name: str | TaskFamily, propositions: Sequence[str], seed: int) -> Formula:

@@ -5,11 +5,13 @@ They are the same pools: which formulas one holds depends on its number and the 
 
 import os
 import signal
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import connection, get_context, parent_process
-from threading import Thread
+from threading import Thread, current_thread, main_thread
 
 import jax
 import numpy as np
@@ -33,14 +35,35 @@ class Sent:
 
 def executor(config: Config, env: Letters) -> ProcessPoolExecutor:
     """As many processes as `config.run.pool_processes` says, for `draw`. They end with this process, however it
-    ends."""
+    ends, and Ctrl-C is nothing to them."""
     sent = Sent(tuple(env.propositions), env.alphabet, named_families(), modules_of_families())
-    return ProcessPoolExecutor(
+    workers = ProcessPoolExecutor(
         max_workers=config.run.pool_processes,
         mp_context=get_context("spawn"),  # a fork would take locks along that other threads of this process hold
         initializer=ImportedQuietly(__name__, _begin.__name__),
         initargs=(config, sent),
     )
+    # A submission starts a process where all are busy, and the first ones are, with their imports. One that fails
+    # already is told by whoever asks for a pool.
+    with _interrupts_ignored(), suppress(BrokenExecutor):
+        for _ in range(config.run.pool_processes):
+            workers.submit(os.getpid)
+    return workers
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Processes that start within ignore SIGINT from their first moment on, since Python leaves that as it was; those
+    of other threads than the main one, which may set no handler, once they `_begin`."""
+    handler = signal.getsignal(signal.SIGINT)
+    if current_thread() is not main_thread() or handler is None:  # None cannot be put back
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 def draw(number: int) -> TaskTable:

@@ -41,16 +41,16 @@ class Prefetch(Generic[T]):
         """
         try:
             value = self._start(number).result()
+            last = number + self._most
+            self._ahead = {ahead: made for ahead, made in self._ahead.items() if number < ahead <= last}
+            for ahead in range(number + 1, last + 1):
+                self.prepare(ahead)  # which a process that ended after its work refuses as well
         except BrokenExecutor as error:
             raise UserError(
                 "a process that draws random tasks has ended before its work was done: for lack of memory maybe, or "
                 'because the script that trains does not do so under `if __name__ == "__main__":`. The run can be '
                 "resumed from its last checkpoint with another number of processes (run.pool_processes; 0 for none)"
             ) from error
-        last = number + self._most
-        self._ahead = {ahead: made for ahead, made in self._ahead.items() if number < ahead <= last}
-        for ahead in range(number + 1, last + 1):
-            self.prepare(ahead)
         return value
 
     def prepare(self, number: int) -> None:

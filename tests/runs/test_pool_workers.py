@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import BrokenExecutor, Executor, Future
+from importlib import import_module
 from pathlib import Path
 
 import jax
@@ -16,12 +18,13 @@ import pytest
 import t2tl_jax
 from t2tl_jax.agents.dp_config import DPConfig
 from t2tl_jax.errors import UserError
-from t2tl_jax.ltl import Chains, Mixture, Named
+from t2tl_jax.ltl import Chains, Mixture, Named, TooLargeError, families
 from t2tl_jax.registry import make_env, named_config
 from t2tl_jax.runs import pool_workers
 from t2tl_jax.runs.config import PoolConfig, RunConfig, SelectionConfig
 from t2tl_jax.runs.convergence import ConvergenceConfig
 from t2tl_jax.runs.pools import make_pools
+from t2tl_jax.runs.prefetch import Prefetch
 from tests.agents.sizes import GRAPH
 from tests.fake_runs import StopAfter
 
@@ -39,15 +42,24 @@ CONFIG = dataclasses.replace(
 TESTS = Path(__file__).parents[1]
 
 
+@pytest.fixture(autouse=True)
+def path_of_others(monkeypatch):
+    """Processes import what registered any family, so also what other tests have imported from here."""
+    monkeypatch.syspath_prepend(TESTS / "extension")
+
+
 def assert_equal(one, other):
     jax.tree.map(np.testing.assert_array_equal, one, other)
 
 
 @pytest.mark.slow
-def test_processes_draw_the_pools_of_their_numbers():
-    env = make_env(CONFIG.env)
-    pools = make_pools(CONFIG, env)
-    with pool_workers.executor(CONFIG, env) as workers:
+@pytest.mark.parametrize("finish", [False, True])
+def test_processes_draw_the_pools_of_their_numbers(finish):
+    """Also those that hold the pool before as well."""
+    config = dataclasses.replace(CONFIG, pool=dataclasses.replace(CONFIG.pool, finish=finish), episode_length=1)
+    env = make_env(config.env)
+    pools = make_pools(config, env)
+    with pool_workers.executor(config, env) as workers:
         drawn = list(workers.map(pool_workers.draw, range(4)))
     for number, table in enumerate(drawn):
         assert_equal(table, pools.training(number))
@@ -71,7 +83,6 @@ def test_a_run_is_the_same_whoever_draws_and_so_is_one_that_was_stopped(tmp_path
 @pytest.mark.slow
 def test_families_of_somebody_else_are_drawn_there_too(monkeypatch):
     """Registered by a module that the process has imported; its processes import it for themselves."""
-    monkeypatch.syspath_prepend(TESTS / "extension")
     import somebody.family  # noqa: F401
 
     config, env = dataclasses.replace(CONFIG, task="Lights"), make_env(CONFIG.env)
@@ -79,6 +90,35 @@ def test_families_of_somebody_else_are_drawn_there_too(monkeypatch):
     with pool_workers.executor(config, env) as workers:
         assert_equal(workers.submit(pool_workers.draw, 1).result(), make_pools(config, env).training(1))
 
+
+@pytest.mark.slow
+@pytest.mark.parametrize("draw", ["draw", "partial(draw)"])
+def test_families_are_known_there_wherever_their_function_is_from(draw, tmp_path, monkeypatch):
+    """Of another module that registers nothing, or a callable of no module of its own."""
+    name = "Imported" if draw == "draw" else "Partial"
+    (tmp_path / f"drawing_{name}.py").write_text(DRAWING)
+    (tmp_path / f"registering_{name}.py").write_text(
+        f"from functools import partial\n\nfrom drawing_{name} import draw\nfrom t2tl_jax import register_family\n\n"
+        f"register_family({name!r}, {draw}, least=2)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setattr(families, "_FAMILIES", dict(families._FAMILIES))  # other tests shall not know it
+    import_module(f"registering_{name}")
+    assert f"registering_{name}" in families.modules_of_families()
+    config, env = dataclasses.replace(CONFIG, task=name), make_env(CONFIG.env)
+    with pool_workers.executor(config, env) as workers:
+        assert_equal(workers.submit(pool_workers.draw, 1).result(), make_pools(config, env).training(1))
+
+
+DRAWING = """
+from t2tl_jax import parse
+
+
+def draw(rng, propositions):
+    first, second = rng.sample(propositions, 2)
+    return parse(f"F({first} & {rng.choice(['F', ''])} {second})")
+"""
 
 SCRIPT = """
 import time
@@ -121,6 +161,46 @@ def test_processes_end_with_the_one_that_trains_even_if_it_is_killed(tmp_path):
     assert not any(map(lives, drawing))
 
 
+INTERRUPTED = """
+import time
+from t2tl_jax.quiet import quiet_imports
+
+with quiet_imports():
+    from t2tl_jax.registry import make_env
+    from t2tl_jax.runs import pool_workers
+    from tests.runs.test_pool_workers import CONFIG
+
+if __name__ == "__main__":
+    with pool_workers.executor(CONFIG, make_env(CONFIG.env)) as workers:
+        try:
+            print(*workers._processes, flush=True)
+            time.sleep(600)
+        except KeyboardInterrupt:
+            print(workers.submit(pool_workers.draw, 1).result().num_rows, flush=True)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="processes are looked up in /proc")
+def test_an_interrupt_of_all_processes_is_for_the_one_that_trains_alone(tmp_path):
+    """Also right after they were started, while they still import."""
+    (tmp_path / "script.py").write_text(INTERRUPTED)
+    with subprocess.Popen(
+        [sys.executable, str(tmp_path / "script.py")],
+        env={**os.environ, "PYTHONPATH": str(TESTS.parent)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as parent:
+        assert parent.stdout is not None
+        drawing = [int(process) for process in parent.stdout.readline().split()]
+        os.killpg(parent.pid, signal.SIGINT)
+        out, complaints = parent.communicate(timeout=120)
+    assert (out, complaints, parent.returncode) == (f"{CONFIG.pool.rows}\n", "", 0)
+    assert len(drawing) == 2 and not any(map(lives, drawing))
+
+
 class KillDrawing(t2tl_jax.Callback):
     """Kills the processes that draw once an iteration is done, as a machine without memory does."""
 
@@ -139,6 +219,25 @@ def test_a_run_whose_processes_end_says_so_and_can_go_on(tmp_path, begins_quickl
     assert t2tl_jax.resume(tmp_path / "run", run=thread).iteration == 20
 
 
+class EndsAfterOne(Executor):
+    """Does one piece of work, and has ended by the time of the next."""
+
+    def __init__(self) -> None:
+        self.done: list[Future] = []
+
+    def submit(self, fn, /, *args, **kwargs):
+        if self.done:
+            raise BrokenExecutor("a process has ended")
+        self.done.append(Future())
+        self.done[0].set_result(fn(*args, **kwargs))
+        return self.done[0]
+
+
+def test_processes_that_end_after_their_work_are_told_too():
+    with Prefetch(str, executor=EndsAfterOne()) as made, pytest.raises(UserError, match="ended before its work was"):
+        made.get(0)
+
+
 def test_a_number_of_processes_is_not_negative():
     with pytest.raises(ValueError, match="pool_processes"):
         RunConfig(pool_processes=-1)
@@ -148,4 +247,10 @@ def test_a_number_of_processes_is_not_negative():
 def test_a_pool_that_cannot_be_drawn_is_told_as_without_processes(tmp_path):
     config = dataclasses.replace(CONFIG, pool=dataclasses.replace(CONFIG.pool, rows=4))
     with pytest.raises(UserError, match="raise the caps on tokens and rows"):
-        t2tl_jax.train(config, folder=tmp_path / "run")
+        t2tl_jax.train(config, folder=tmp_path / "run")  # before there is a process
+    with pool_workers.executor(config, make_env(config.env)) as workers:
+        told = workers.submit(pool_workers.draw, 0).exception()
+    with pytest.raises(TooLargeError) as here:
+        make_pools(config, make_env(config.env)).training(0)
+    assert type(told) is TooLargeError and str(told) == str(here.value)
+    assert "raise the caps on tokens and rows" in str(told)
