@@ -278,7 +278,12 @@ def _is_solved(run: Stored) -> bool:
 
 def _learned(run: Stored) -> str:
     """What a pre-training came to at its end."""
-    return f"agreement {share(run.end('agreement'))}" if _is_solved(run) else share(run.end("success_rate"))
+    if not _is_solved(run):
+        return share(run.end("success_rate"))
+    if "agreement" not in run.metrics:
+        return "-"
+    rounded = {seed: round(value, 6) for seed, value in run.end("agreement").items()}  # a sum can come to a hair over 1
+    return f"agreement {share(rounded)}"
 
 
 def text_alone(runs: Mapping[str, Stored]) -> str:
