@@ -162,7 +162,7 @@ def test_processes_end_with_the_one_that_trains_even_if_it_is_killed(tmp_path):
 
 
 INTERRUPTED = """
-import time
+import signal, time
 from t2tl_jax.quiet import quiet_imports
 
 with quiet_imports():
@@ -171,6 +171,7 @@ with quiet_imports():
     from tests.runs.test_pool_workers import CONFIG
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background inherits none
     with pool_workers.executor(CONFIG, make_env(CONFIG.env)) as workers:
         try:
             print(*workers._processes, flush=True)
@@ -196,7 +197,10 @@ def test_an_interrupt_of_all_processes_is_for_the_one_that_trains_alone(tmp_path
         assert parent.stdout is not None
         drawing = [int(process) for process in parent.stdout.readline().split()]
         os.killpg(parent.pid, signal.SIGINT)
-        out, complaints = parent.communicate(timeout=120)
+        try:
+            out, complaints = parent.communicate(timeout=60)
+        finally:
+            parent.kill()  # if it does not end; leaving the block would wait for it
     assert (out, complaints, parent.returncode) == (f"{CONFIG.pool.rows}\n", "", 0)
     assert len(drawing) == 2 and not any(map(lives, drawing))
 
