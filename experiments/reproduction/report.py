@@ -22,7 +22,7 @@ from experiments.reproduction.parts import filled
 from experiments.reproduction.pictures import Picture, pictures
 from experiments.reproduction.runs import WATER_METHODS
 from experiments.reproduction.scaling import scaling
-from experiments.reproduction.sections.anytask import in_short
+from experiments.reproduction.sections.anyshort import in_short
 from experiments.reproduction.stored import Stored
 from experiments.tuning import in_words
 

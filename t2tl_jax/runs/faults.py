@@ -1,14 +1,17 @@
 """Seeds in which something was not finite: told once, frozen, and kept in the run's status and checkpoints."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from t2tl_jax.errors import Note
 from t2tl_jax.runs.callbacks import TrainingProgress
+from t2tl_jax.task_env import TaskParams
 from t2tl_jax.training.guard import CAUSES, Fault
+from t2tl_jax.training.types import Metrics
 
 NAME = "faults"
 """Among the notes of a run, and so in ``status.json`` and in checkpoints: {seed: {"iteration", "frames", "fault",
@@ -58,6 +61,24 @@ def codes(progress: TrainingProgress) -> np.ndarray:
 def _code(entry: Mapping[str, Any]) -> Fault:
     """Of what is known of a seed; where that says nothing of its fault, some: whatever it was, the seed is frozen."""
     return Fault.__members__.get(str(entry.get("fault")), Fault.ENVIRONMENT)
+
+
+def given_back(iterate: Callable[[Any, TaskParams], tuple[Any, Metrics]], fault: Any) -> Callable[..., Any]:
+    """The program of an iteration, which from now on is given the faults that it found itself: they need not come by
+    the host.
+
+    Args:
+        iterate: (state, env_params) -> (state, metrics), of all seeds.
+        fault: int32[seeds], on the devices, those that are known at the start.
+    """
+
+    def with_faults(state: Any, env_params: TaskParams) -> tuple[Any, Metrics]:
+        nonlocal fault
+        state, metrics = iterate(state, replace(env_params, fault=fault))
+        fault = metrics.fault
+        return state, metrics
+
+    return with_faults
 
 
 def all_frozen(progress: TrainingProgress) -> bool:

@@ -32,7 +32,6 @@ from t2tl_jax.runs.status import StatusFile
 from t2tl_jax.runs.success import SuccessWatch, window
 from t2tl_jax.runs.tensorboard import TensorBoardLogger
 from t2tl_jax.runs.thinning import Thinning
-from t2tl_jax.task_env import TaskParams
 from t2tl_jax.training import hosts, transfer
 from t2tl_jax.training.devices import place
 from t2tl_jax.training.program import place_params
@@ -300,15 +299,7 @@ class Training:
         pools = self._pools_ahead(tables, lesson_of)
         maps = Prefetch(experiment.maps)
         optima: dict[int, list[float]] = {}
-        frozen = env_params.fault
         begin = time.monotonic()
-
-        def iterate(state: Any, env_params: TaskParams) -> tuple[Any, Metrics]:
-            """The program, which is given the faults that it found before: they need not come by the host."""
-            nonlocal frozen
-            state, metrics = compiled.iterate(state, replace(env_params, fault=frozen))
-            frozen = metrics.fault
-            return state, metrics
 
         def prepare(done: int, state: Any) -> tuple[Any, Any]:
             nonlocal env_params
@@ -386,6 +377,7 @@ class Training:
 
         with pools, maps:
             hooks = loop.Hooks(self._select, record, save, stopping, prepare)
+            iterate = faults.given_back(compiled.iterate, env_params.fault)
             period = config.run.checkpoint_period if self.checkpoints is not None else float("inf")
             done, state = loop.run_loop(iterate, state, progress.done, progress.iterations, period, hooks)
         self._abandon_scorer()

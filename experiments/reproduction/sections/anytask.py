@@ -274,69 +274,6 @@ def _measured(of: Mapping[str, Any], bar: Bar) -> tuple[float, str]:
     return values[worst], f"{values[worst]:.{digits}f} ({bar.tasks[worst]})"
 
 
-OTHER_CODES = {
-    "broad-lookahead": "look-ahead",
-    "broad-automaton": "automaton's",
-    "broad-gru": "GRU's",
-    "broad-rgcn": "R-GCN's",
-    "broad-transformer": "Transformer's",
-}
-"""Codes that the README tells of, read by one layer."""
-
-
-def in_short(runs: Mapping[str, Stored]) -> str:
-    """What the README says of one agent for any task in the open ZoneEnv: z1 to z6 beside others, what it is weakest
-    at, and what it cost."""
-    if "any-zones" not in runs:
-        return "Not measured yet."
-    run = runs["any-zones"]
-    of = figures(run)
-    rates = {task: float(np.nanmean(of[task][SAMPLED]["success_rate"])) for task in suites.ZONES.tasks}
-    rest = suites.ZONE_HARD
-    weakest = min(rest, key=rates.__getitem__)
-
-    def ours(figure: str, digits: int = 3) -> str:
-        return over_tasks(of, suites.ZONE_Z, SAMPLED, figure).text(digits)
-
-    def theirs(method: str) -> str:
-        found = published.mean_of([ZONES[method][task] for task in suites.ZONE_Z])
-        assert found is not None
-        return f"{found.success:.3f} in {found.steps:.4g}"
-
-    genz = ZONES["GenZ-LTL"][weakest].success
-    hardware = ", ".join(sorted({name.replace("NVIDIA ", "") for name in run.versions["devices"]}))
-    alone = "alone" if run.status.get("alone") else "beside others on its host"
-    parts = (
-        "*One agent of the open ZoneEnv.",
-        "It reads codes off the table and merges lidars by them.",
-        "Settings were chosen on other formulas, knowing results on these.",
-        f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
-        f"(DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')});",
-        f"on {weakest}, the weakest of {len(rest)} others: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",
-        f"on twelve discs in turn: {rates['reach_12']:.2f}.",
-        f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames took {run.train_seconds:.0f} s,",
-        f"and {run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.",
-        f"Lidars gated by a code, z1 to z6 and those {len(rest)}:",
-        f"{_of_codes(runs, OTHER_CODES)}.*",
-    )
-    return " ".join(parts)
-
-
-def _of_codes(runs: Mapping[str, Stored], codes: Mapping[str, str]) -> str:
-    """What other codes came to on the same formulas, by what they are called, and with which budgets: on z1 to z6, and
-    on harder ones."""
-    said, budgets = [], dict[str, None]()
-    for code, label in codes.items():
-        run = runs.get(f"any-zones-{code}")
-        if run is None:
-            continue
-        of = figures(run)
-        means = [over_tasks(of, tasks, SAMPLED, "success_rate").value for tasks in (suites.ZONE_Z, suites.ZONE_HARD)]
-        said.append(f"{label} {means[0]:.2f} and {means[1]:.2f}")
-        budgets[f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames"] = None
-    return f"{', '.join(said)} ({' or '.join(budgets)})" if said else "nothing measured yet"
-
-
 def state_of(run: Stored) -> str:
     """What the policy reads of observations."""
     learner: Any = run.config.learner
