@@ -175,7 +175,8 @@ if __name__ == "__main__":
     with pool_workers.executor(CONFIG, make_env(CONFIG.env)) as workers:
         try:
             print(*workers._processes, flush=True)
-            time.sleep(600)
+            while True:
+                time.sleep(0.1)  # a signal just before a sleep is heard after it
         except KeyboardInterrupt:
             print(workers.submit(pool_workers.draw, 1).result().num_rows, flush=True)
 """
