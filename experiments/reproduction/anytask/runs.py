@@ -109,8 +109,8 @@ SOLVED_RATES = {"transformer": 2e-3, "gru": 3e-3}
 SOLVED_FORMULAS = 2_000_000
 """How many random formulas they read."""
 
-POOL_PROCESSES = 7
-"""Processes that draw these, for each of two trainings at a time on 16 cores."""
+POOL_PROCESSES = 12
+"""Processes that draw these, for each of two trainings at a time on 32 cores."""
 
 MERGED: dict[str, TaskEncoderConfig] = {
     "lookahead": LookaheadConfig(propositions=10, farther=True),
