@@ -132,13 +132,15 @@ def _main(texts: Sequence[str]) -> int:
     if arguments.keep:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):
-                any_task = name.startswith("any-")
+                any_task, search = name.startswith("any-"), runs[name].search
+                most = stored.MOST_OF_SEARCH if search else stored.MOST_ITERATIONS if any_task else None
                 target = (ANY_RESULTS if any_task else RESULTS) / name
                 stored.keep(
                     *(name, base / name, target),
                     agent=name in AGENTS,
-                    most=stored.MOST_ITERATIONS if any_task else None,
+                    most=most,
                     every_world=runs[name].seeds == MAPS,
+                    search=search,
                 )
                 stored.keep_sizes(target)
                 if any_task:

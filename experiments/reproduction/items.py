@@ -5,7 +5,17 @@ from experiments.reproduction import representations
 from experiments.reproduction import runs as named
 from experiments.reproduction.anytask.items import ANY_ITEMS, GROUP
 from experiments.reproduction.plan import Item
-from experiments.reproduction.sections import attention, benchmark, figures, safe, steps, unit_time, water_form, widths
+from experiments.reproduction.sections import (
+    attention,
+    benchmark,
+    figures,
+    safe,
+    search,
+    steps,
+    unit_time,
+    water_form,
+    widths,
+)
 from experiments.reproduction.sections.ablation import ablation
 from t2tl_jax.evaluation.comparisons import Pairs
 
@@ -51,6 +61,12 @@ PAPER_ITEMS: dict[str, Item] = {
         "WaterWorld, `phi_water`: six methods",
         _names("water-{}", (*named.WATER_METHODS, "rm-6")),
         figures.water_figure,
+    ),
+    "search": Item(
+        figures.SEARCH_TITLE,
+        search.planned(),
+        search.search,
+        smoke=("search-zone-dfa_number-high",),
     ),
     "tables-steps": Item("Steps to complete: sub-goals, obstacles, size of the obstacles", _steps_names(), steps.steps),
     "table-unit-time": Item(

@@ -44,6 +44,8 @@ class Run:
     """Tasks for which its first seed gets a certificate."""
     drawn: tuple[str, ...] = ()
     """Tasks of which an episode of its first seed is recorded, all of them on one map, for a picture."""
+    search: bool = False
+    """Whether it is a trial of a search for settings, on seeds that are kept for tuning, or comes before such."""
     early: bool = False
     """Whether it is begun before other runs, however long they are."""
 

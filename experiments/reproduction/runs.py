@@ -6,7 +6,7 @@ from typing import Any
 from experiments import configs  # noqa: F401, registers the configurations
 from experiments.methods import apply
 from experiments.paper import step_tables
-from experiments.reproduction import representations
+from experiments.reproduction import rates, representations
 from experiments.reproduction.anytask.runs import ANY_AGENTS, any_runs
 from experiments.reproduction.plan import Run
 from t2tl_jax.networks.gru import GRUConfig
@@ -15,15 +15,21 @@ from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import ENVS, named_config
 from t2tl_jax.runs import pretraining
-from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.config import Config, SelectionConfig
 
 ZONE_FRAMES = 10_000_000
 """The paper's budget on `phi_zone`."""
+
+ZONE_SEARCH_FRAMES = 3_000_000
+"""In ZoneEnv a search has fewer, those of `zone_ppo`; in WaterWorld it has all."""
 
 ZONE_METHODS = ("t2tl", "t1tl", "gnn", "dfa", "dfa_number", "dfa_cont")
 """Under PPO rm is dfa: there is no other state to learn from."""
 
 WATER_METHODS = ("t2tl", "t1tl", "gnn", "rm", "dfa", "dfa_cont")
+SEARCH_METHODS = {"zone": ZONE_METHODS, "water": (*WATER_METHODS, "rm-6")}
+"""By world, the methods that are compared with the paper's curves, as their runs are named."""
+
 STEP_METHODS = ("t1tl", "gnn", "rm")
 WIDTHS = (8, 16, 32)
 
@@ -73,26 +79,26 @@ def all_runs() -> dict[str, Run]:
     """Every run of the reproduction."""
     runs: dict[str, Run] = {representations.NAME: Run(None, evaluated=False, measure=representations.measure)}
     for parts, first_seed in (
-        ((_zone, _zone_variants), ZONE_SEED),
-        ((_water, _water_variants, _steps, _benchmark), 0),
+        ((_zone, _zone_variants, _zone_search), ZONE_SEED),
+        ((_water, _water_variants, _steps, _benchmark, _water_search), 0),
     ):
         for part in parts:
             for name, run in part(runs).items():
                 assert name not in runs, name
                 runs[name] = replace(run, first_seed=first_seed)
-    return runs | any_runs()
+    return runs | _own_rates(runs) | any_runs()
 
 
-def _zone_base() -> Config:
-    """`zone_ppo` with the paper's budget.
+def _zone_base(frames: int = ZONE_FRAMES) -> Config:
+    """`zone_ppo` with the paper's budget, or another one.
 
     Exploration fades over the same frames as in the shorter default. The learning rate falls to 0: at a constant one,
     agents that have long solved a task and get hardly any gradient are lost again now and then.
     """
     base = named_config("zone_ppo")
     learner: Any = base.learner
-    decay = learner.noise_decay * base.frames / ZONE_FRAMES
-    return replace(base, frames=ZONE_FRAMES, learner=replace(learner, noise_decay=decay, anneal_learning_rate=True))
+    decay = learner.noise_decay * base.frames / frames
+    return replace(base, frames=frames, learner=replace(learner, noise_decay=decay, anneal_learning_rate=True))
 
 
 def _zone(runs: dict[str, Run]) -> dict[str, Run]:
@@ -264,6 +270,43 @@ def _benchmark(runs: dict[str, Run]) -> dict[str, Run]:
 def _single_task(config: Config) -> Config:
     """The benchmark's one task, the tenth, whose machine has three open states."""
     return _with_encoder(replace(config, task="rm_t10_published"), size=3)
+
+
+def _zone_search(runs: dict[str, Run]) -> dict[str, Run]:
+    return _search("zone", _zone_base(ZONE_SEARCH_FRAMES))
+
+
+def _water_search(runs: dict[str, Run]) -> dict[str, Run]:
+    return _search("water", named_config("waterworld_dqn"))
+
+
+def _search(world: str, base: Config) -> dict[str, Run]:
+    """Every method at three learning rates, on seeds for tuning; those that share an encoder share its pre-training on
+    these seeds. Nobody plays what they come to, so parameters are not compared on the way."""
+    new: dict[str, Run] = {}
+    for method in SEARCH_METHODS[world]:
+        config = apply(base, method.replace("-", "_"))
+        before = _pretraining(new, f"search-{world}", config)
+        config = replace(config, selection=SelectionConfig(points=0))
+        for which in rates.RATES:
+            new[rates.search_name(world, method, which)] = Run(_with_rate(config, which), before, evaluated=False)
+    return {name: replace(run, seeds=rates.SEEDS, search=True) for name, run in new.items()}
+
+
+def _own_rates(runs: dict[str, Run]) -> dict[str, Run]:
+    """The main runs of methods for which the search found another learning rate, once more with that one."""
+    new = {}
+    for world, methods in rates.OWN_RATE.items():
+        for method, which in methods.items():
+            shared = runs[f"{world}-{method}"]
+            assert shared.config is not None
+            new[rates.own_name(f"{world}-{method}")] = replace(shared, config=_with_rate(shared.config, which))
+    return new
+
+
+def _with_rate(config: Config, which: str) -> Config:
+    learner: Any = config.learner
+    return replace(config, learner=_changed(learner, learning_rate=rates.scaled(learner.learning_rate, which)))
 
 
 def _pretraining(

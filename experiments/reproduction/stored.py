@@ -46,6 +46,9 @@ REPOSITORY = Path(__file__).parents[2]
 MOST_ITERATIONS = 60
 """Iterations of a curve that are kept of the runs of agents for any task, which are many; and so many of its end."""
 
+MOST_OF_SEARCH = 32
+"""The same of the runs of a search, of which only the end is compared; that is shorter, so that all of it is kept."""
+
 MOST_MEBIBYTES = 2
 """Size up to which a file of parameters is kept; in ZoneEnv all are smaller, in WaterWorld none is."""
 
@@ -187,6 +190,7 @@ def keep(
     repository: Path = REPOSITORY,
     most: int | None = None,
     every_world: bool = False,
+    search: bool = False,
 ) -> None:
     """Copy what the tables need of a finished run into the repository.
 
@@ -201,12 +205,13 @@ def keep(
             part; None for all.
         every_world: whether its seeds are all the worlds that there are, so that those of a search are among them; the
             page then says which these are.
+        search: whether it is a run of a search itself, which must be on seeds that are kept for tuning.
 
     Raises:
         UserError: if it was not made from a commit of this history as it stands, or on seeds that settings were chosen
-            on, or that are kept for that.
+            on, or that are kept for that; or a run of a search if it is on others.
     """
-    _check_seeds(name, source, every_world)
+    _check_seeds(name, source, every_world, search)
     versions = read_json(RunFolder(source).versions)
     for session in (versions["started"], *versions.get("resumed", [])):
         if why := unclean(session):
@@ -265,10 +270,17 @@ def _step(count: int, most: int | None) -> int:
     return step
 
 
-def _check_seeds(name: str, source: Path, every_world: bool) -> None:
+def _check_seeds(name: str, source: Path, every_world: bool, search: bool) -> None:
     if every_world or not RunFolder(source).config.is_file():
         return
     config = config_files.load(RunFolder(source).config)
+    if search:
+        if reported := [seed for seed in parse_seeds(config.seeds) if seed < FIRST_TUNING_SEED]:
+            raise UserError(
+                f"{name} is a search and was made with seeds {tuning.in_words(reported)}, on which results are "
+                f"reported; a search has those from {FIRST_TUNING_SEED} on"
+            )
+        return
     if used := tuning.tuning_seeds(config, parse_seeds(config.seeds)):
         raise UserError(
             f"{name} was made with seeds {tuning.in_words(used)}, on which settings were chosen or which are kept for "

@@ -22,7 +22,7 @@ from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.interrupts import NeverStop
 from t2tl_jax.runs.success import window
-from t2tl_jax.training.seeds import parse_seeds
+from t2tl_jax.training.seeds import FIRST_TUNING_SEED, parse_seeds
 
 ROOT = Path(__file__).parents[2]
 
@@ -198,10 +198,10 @@ def test_device_names():
 def test_no_run_is_on_seeds_that_settings_were_chosen_on(runs):
     """Those in ZoneEnv and of agents for any task on none that any search had; those in WaterWorld, whose seeds are its
     maps, on none of its own. The benchmark has maps 1 to 10 and no others, and `experiments.tuning` names those that a
-    search had."""
+    search had. Runs of a search are on seeds for tuning alone."""
     searched = {seed for search in tuning.TUNED.values() for seed in search.seeds}
     for name, run in runs.items():
-        if run.config is not None and run.seeds != MAPS:
+        if run.config is not None and run.seeds != MAPS and not run.search:
             seeds, in_zones = set(parse_seeds(Scale("full", "12").apply(run).seeds)), run.first_seed > 0
             assert in_zones == name.startswith(("zone-", "safe-", "prime-", "any-")), name
             assert not seeds & (searched if in_zones else set(tuning.TUNED["waterworld_dqn"].seeds)), name
@@ -210,6 +210,9 @@ def test_no_run_is_on_seeds_that_settings_were_chosen_on(runs):
             last = "-solved-" in name or name.endswith("-strict")
             first = 76 if "-broad-" in name else 88 if last else later.get(name, 24 if in_zones else 0)
             assert run.first_seed == first, name
+    for name, run in runs.items():
+        tuned = run.config is not None and max(parse_seeds(Scale("full", "12").apply(run).seeds)) >= FIRST_TUNING_SEED
+        assert run.search == tuned == name.startswith("search-"), name
     for name in ("zone-t2tl", "safe-dfa", "water-t1tl", "water-pretraining-gnn"):
         config = Scale("full", "12").apply(runs[name])
         assert not tuning.tuning_seeds(config, parse_seeds(config.seeds)), name

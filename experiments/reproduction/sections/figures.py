@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments import fairness
+from experiments import fairness, tuning
 from experiments.paper import published_water, published_widths
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import below
+from experiments.reproduction import below, rates
 from experiments.reproduction import runs as named
 from experiments.reproduction.cells import cost_line, share, text
 from experiments.reproduction.claims import differences
-from experiments.reproduction.page import table
+from experiments.reproduction.page import paragraph, table
 from experiments.reproduction.sections.ablation import ablation
 from experiments.reproduction.stored import Stored, last_ones
 from experiments.reproduction.tables import (
@@ -25,7 +25,9 @@ from experiments.reproduction.tables import (
     return_by_frames,
     returns_at,
 )
+from t2tl_jax.evaluation.comparisons import Pairs
 from t2tl_jax.networks.actor_critic import MINIMUM_STD
+from t2tl_jax.training.seeds import parse_seeds
 
 ZONE_MARKS = tuple(1e6 * x for x in (0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9, 10))
 
@@ -94,7 +96,25 @@ SEARCHED = """Settings were searched for with the methods of the column "chosen 
 the others, which take them over: an ordering in which one of the latter is behind may come from that."""
 
 
-def what_differs(runs: Mapping[str, Stored], labels: Mapping[str, str]) -> str:
+def searched(world: str) -> str:
+    """Which settings were searched for with which methods."""
+    if world not in rates.OWN_RATE:
+        return SEARCHED
+    own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
+    found = f"another one than the shared is best for {', '.join(own)}" if own else "the shared one is best for all"
+    return paragraph(f"""
+        Settings were chosen with the methods of the column "chosen with" alone, and the others take them over. The
+        learning rate was then searched for in one and the same way for every method, on seeds
+        {tuning.in_words(parse_seeds(rates.SEEDS))} (`--only search`, [below](#{SEARCH_ANCHOR})): {found}. The
+        runs here have the shared one, and there the order is judged again with each method's best. Other settings were
+        not searched for again: an ordering in which one of the others is behind may still come from them.""")
+
+
+SEARCH_TITLE = "The same search for every method: the learning rate"
+SEARCH_ANCHOR = "the-same-search-for-every-method-the-learning-rate"
+
+
+def what_differs(runs: Mapping[str, Stored], labels: Mapping[str, str], world: str) -> str:
     """One row for each method: sizes, pre-training, and what its settings were chosen on; '' without stored sizes."""
     rows = [
         fairness.row(labels[name], run.config, run.seeds, run.status, run.sizes)
@@ -104,16 +124,14 @@ def what_differs(runs: Mapping[str, Stored], labels: Mapping[str, str]) -> str:
     if not rows:
         return ""
     differs = table(("method", *fairness.HEADING[1:]), rows)
-    return f"What differs beside the method. {fairness.NOTE}\n\n{differs}\n\n{SEARCHED}"
+    return f"What differs beside the method. {fairness.NOTE}\n\n{differs}\n\n{searched(world)}"
 
 
 def zone_figure(runs: Mapping[str, Stored]) -> str:
     """Final figures, curves by frames, and the order of the published curves at their end and over all of training."""
-    ends = {name: run.end("discounted_return") for name, run in runs.items()}
-    means = {name: run.area("discounted_return") for name, run in runs.items()}
     return _joined(
         methods(runs, ZONE_LABELS, {name: curve[1][-1] for name, curve in ZONE_PUBLISHED.items()}),
-        what_differs(runs, ZONE_LABELS),
+        what_differs(runs, ZONE_LABELS, "zone"),
         curves_by_frames(runs, ZONE_LABELS, ZONE_MARKS, ZONE_PUBLISHED),
         below.listed(
             {
@@ -127,23 +145,37 @@ def zone_figure(runs: Mapping[str, Stored]) -> str:
             },
             "at {} million frames",
         ),
-        differences(runs, ZONE_CLAIMS, ends, "return at the end", ZONE_CLAIMS),
-        differences(runs, ZONE_CLAIMS, means, "mean return over training", ZONE_CLAIMS),
+        zone_order(runs, ZONE_CLAIMS, ZONE_CLAIMS),
+    )
+
+
+def zone_order(runs: Mapping[str, Stored], pairs: Pairs, claims: Pairs = ()) -> str:
+    """Differences between runs in ZoneEnv as its figure judges them, at the end and over all of training."""
+    ends = {name: run.end("discounted_return") for name, run in runs.items()}
+    means = {name: run.area("discounted_return") for name, run in runs.items()}
+    return _joined(
+        differences(runs, pairs, ends, "return at the end", claims),
+        differences(runs, pairs, means, "mean return over training", claims),
     )
 
 
 def water_figure(runs: Mapping[str, Stored]) -> str:
     """Final figures, curves by episode, and their order by the mean return at the published episodes."""
     marks = published_water.EPISODES
-    means = {name: mean_return_at(run, marks) for name, run in runs.items()}
     return _joined(
         methods(runs, WATER_LABELS),
-        what_differs(runs, WATER_LABELS),
+        what_differs(runs, WATER_LABELS, "water"),
         curves_by_episode(runs, WATER_LABELS, marks, published_water.PHI_WATER),
-        differences(runs, WATER_CLAIMS, means, "mean return at these episodes", WATER_CLAIMS),
+        water_order(runs, WATER_CLAIMS, WATER_CLAIMS),
         _still_below(runs, WATER_PUBLISHED, marks),
         RM_NOTE if "water-rm" in runs else "",
     )
+
+
+def water_order(runs: Mapping[str, Stored], pairs: Pairs, claims: Pairs = ()) -> str:
+    """Differences between runs in WaterWorld as its figure judges them, by the mean over the published episodes."""
+    means = {name: mean_return_at(run, published_water.EPISODES) for name, run in runs.items()}
+    return differences(runs, pairs, means, "mean return at these episodes", claims)
 
 
 def _still_below(runs: Mapping[str, Stored], published: Mapping[str, str], marks: Sequence[int]) -> str:

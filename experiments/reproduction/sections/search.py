@@ -1,0 +1,137 @@
+"""One and the same search for every method of the two main comparisons, and what their order is with its results."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from experiments import tuning
+from experiments.reproduction import rates
+from experiments.reproduction.cells import cost_line, text
+from experiments.reproduction.page import paragraph, table
+from experiments.reproduction.runs import SEARCH_METHODS as WORLDS
+from experiments.reproduction.sections import figures
+from experiments.reproduction.stored import LAST, Stored
+from experiments.reproduction.tables import methods
+from experiments.sweeps.search import worth
+
+CRITERION = "discounted_return"
+"""What a search maximises at the end of training."""
+
+TITLES = {"zone": "ZoneEnv, `phi_zone`", "water": "WaterWorld, `phi_water`"}
+CLAIMS = {"zone": figures.ZONE_CLAIMS, "water": figures.WATER_CLAIMS}
+ORDERS = {"zone": figures.zone_order, "water": figures.water_order}
+
+NOTES = f"""The search is the same for every method: the learning rate at a third of the one that all methods of a world
+share, at that one, and at three times it, and nothing else. Budget and schedule are those of the main runs, but in
+ZoneEnv for 3 million frames instead of 10, over which exploration and learning rate fade; encoders are pre-trained as
+for the main runs, on the seeds of the search. The best rate has the highest mean over seeds of the discounted return
+over the last {100 * LAST:g} % of training, which is what `experiments.sweep --search` maximises (a seed in which no
+episode ended there counts -1); the shared rate is kept where no other mean is above its. That is a plain maximum of few
+seeds, so that another rate may be taken by chance: what it is worth is measured on the seeds that are reported. A
+better rate may lie between or beyond the three, what is best after 3 million frames need not be best after 10, and no
+other setting was searched for by method."""
+
+STAYS = "The shared rate is best for every method, so that nothing is trained again."
+
+
+def planned() -> tuple[str, ...]:
+    """The runs of the item: the search, and in a world where it found another rate all that its claims compare."""
+    tried = [
+        rates.search_name(world, method, which)
+        for world, names in WORLDS.items()
+        for method in names
+        for which in rates.RATES
+    ]
+    compared = [
+        name
+        for world, names in WORLDS.items()
+        if rates.OWN_RATE.get(world)
+        for method in names
+        for name in dict.fromkeys((f"{world}-{method}", rates.at_its_best(f"{world}-{method}")))
+    ]
+    return (*tried, *compared)
+
+
+def search(runs: Mapping[str, Stored]) -> str:
+    """By world every method at every rate, the best one marked; then the runs at their own rates beside those at the
+    shared one, and the claims once more."""
+    parts = [part for world in WORLDS for part in (_tried(runs, world), _again(runs, world)) if part]
+    return "\n\n".join([*parts, paragraph(NOTES)]) if parts else ""
+
+
+def best(runs: Mapping[str, Stored], world: str, method: str) -> str | None:
+    """The best of the rates for a method, the shared one if none is above it; None until all of them are there."""
+    tried = {which: runs.get(rates.search_name(world, method, which)) for which in rates.RATES}
+    known = {which: worth(np.array(list(_ends(run).values()))) for which, run in tried.items() if run is not None}
+    if len(known) < len(tried):
+        return None
+    return max(known, key=lambda which: (known[which], which == rates.SHARED))
+
+
+def own_rates(runs: Mapping[str, Stored], world: str) -> dict[str, str] | None:
+    """What `rates.OWN_RATE` has to say of a world: the methods whose best rate is another one; None until the search is
+    there in full."""
+    found = {method: best(runs, world, method) for method in WORLDS[world]}
+    if None in found.values():
+        return None
+    return {method: which for method, which in found.items() if which is not None and which != rates.SHARED}
+
+
+def _ends(run: Stored) -> dict[int, float]:
+    return run.end(CRITERION)
+
+
+def _tried(runs: Mapping[str, Stored], world: str) -> str:
+    """A row for each method, the best cell marked; '' without runs."""
+    names = {method: [rates.search_name(world, method, which) for which in rates.RATES] for method in WORLDS[world]}
+    there = {name: runs[name] for own in names.values() for name in own if name in runs}
+    rows = []
+    for method, own in names.items():
+        if there.keys().isdisjoint(own):
+            continue
+        taken = best(runs, world, method)
+        cells = [text(_ends(there[name])) if name in there else "-" for name in own]
+        marked = [f"**{cell}**" if which == taken else cell for which, cell in zip(rates.RATES, cells, strict=True)]
+        rows.append((method, *marked, "not known yet" if taken is None else rates.WORDS[taken]))
+    if not rows:
+        return ""
+    heading = ("method", *(_column(there, which) for which in rates.RATES), "best")
+    seeds = sorted({seed for run in there.values() for seed in run.seeds})
+    said = (
+        f"{TITLES[world]}: return at the end of training, on seeds {tuning.in_words(seeds)}, which are kept for "
+        f"tuning. {cost_line(there)}"
+    )
+    return f"{paragraph(said)}\n\n{table(heading, rows)}"
+
+
+def _column(there: Mapping[str, Stored], which: str) -> str:
+    """One of the rates in words, and as a number where a run has it."""
+    learners: list[Any] = [run.config.learner for name, run in there.items() if name.endswith(f"-{which}")]
+    numbers = sorted({learner.learning_rate for learner in learners})
+    return ", ".join([rates.WORDS[which], *(f"{number:g}" for number in numbers)])
+
+
+def _again(runs: Mapping[str, Stored], world: str) -> str:
+    """Methods with a rate of their own beside the shared one, on the seeds that are reported, and the claims with each
+    method at its best; '' until the search is there."""
+    own = rates.OWN_RATE.get(world)
+    if own is None:
+        return ""
+    if not own:
+        return STAYS
+    names = [f"{world}-{method}" for method in own]
+    pairs = [(rates.own_name(name), name) for name in names]
+    shown = [name for pair in pairs for name in pair if name in runs]
+    if not any(first in runs for first, _ in pairs):
+        return ""
+    claims = [(rates.at_its_best(better), rates.at_its_best(worse)) for better, worse in CLAIMS[world]]
+    order = ORDERS[world]
+    parts = (
+        f"{TITLES[world]}: the best rate beside the shared one, with the budget and on the seeds of the main runs.",
+        methods({name: runs[name] for name in shown}, {name: name for name in shown}),
+        order(runs, pairs),
+        "The orderings that the paper claims, each method at its best rate:",
+        order(runs, claims, claims),
+    )
+    return "\n\n".join(part for part in parts if part)
