@@ -101,17 +101,22 @@ def searched(world: str) -> str:
     if world not in rates.OWN_RATE:
         return SEARCHED
     own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
-    found = f"another one than the shared is best for {', '.join(own)}" if own else "the shared one is best for all"
+    found = (
+        f"another one than the shared is best for {', '.join(own)}. The runs here have the shared one, and there the "
+        "order is judged again with each method's best"
+        if own
+        else "the shared one is best for every method"
+    )
     return paragraph(f"""
         Settings were chosen with the methods of the column "chosen with" alone, and the others take them over. The
         learning rate was then searched for in one and the same way for every method, on seeds
-        {tuning.in_words(parse_seeds(rates.SEEDS))} (`--only search`, [below](#{SEARCH_ANCHOR})): {found}. The
-        runs here have the shared one, and there the order is judged again with each method's best. Other settings were
-        not searched for again: an ordering in which one of the others is behind may still come from them.""")
+        {tuning.in_words(parse_seeds(rates.SEEDS))} (`--only search`, [below](#{SEARCH_ANCHOR})): {found}. Other
+        settings were not searched for again: an ordering in which one of the others is behind may still come from
+        them.""")
 
 
 SEARCH_TITLE = "The same search for every method: the learning rate"
-SEARCH_ANCHOR = "the-same-search-for-every-method-the-learning-rate"
+SEARCH_ANCHOR = SEARCH_TITLE.lower().replace(":", "").replace(" ", "-")
 
 
 def what_differs(runs: Mapping[str, Stored], labels: Mapping[str, str], world: str) -> str:
