@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
+import jax
+
 from experiments import attention
 from experiments.reproduction.anytask import tested
 from experiments.reproduction.locks import claimed, device_names
@@ -27,6 +29,10 @@ ENDS = ("complete", "converged", "success")
 """Why a training ends that is not to go on."""
 
 OUT_OF_TIME = "out of time"
+
+SHORT = jax.errors.JaxRuntimeError
+"""What a run fails with that finds too little memory on its devices. XLA says so in many words, such as that no
+algorithm is left to choose, so they are not read."""
 
 WAIT = 2.0
 """Seconds between two looks at what other processes have done."""
@@ -141,7 +147,8 @@ def do_all(
     After each run the first one of the order (`in_order`) that can be done comes next: one for which nothing is to be
     done before, on which no other process works, and, if it is to be alone, with whose devices no other one works.
     What others stand in the way of is tried again until they are done. A run that fails is told of, and the others go
-    on.
+    on. One that may have failed for lack of memory beside others is done once more at the end, with no other run on its
+    devices; but processes that wait there still hold the memory that they once used.
 
     Args:
         runs: all runs by name.
@@ -163,20 +170,26 @@ def do_all(
 
     open_runs = [name for name in in_order(runs, names) if not is_known_done(name)]
     total, devices = len(open_runs), device_names()
+    crowded: set[str] = set()
     while open_runs and not (deadline.passed or stop.requested):
         elsewhere = False
         for name in open_runs:
             run = runs[name]
             if run.before is not None and not is_known_done(run.before):
                 continue
-            with claimed(base, name, devices, run.alone) as mine:
+            with claimed(base, name, devices, run.alone or name in crowded) as mine:
                 if not mine:
                     elsewhere = True
                     continue
                 open_runs.remove(name)
                 if not is_known_done(name):
                     say(f"[{total - len(open_runs)}/{total}] {name}")
-                    if not _succeeds(run, scale, base, name, deadline, stop, say):
+                    failure = _failure(run, scale, base, name, deadline, stop, say)
+                    if failure is not None and issubclass(failure, SHORT) and not run.alone and name not in crowded:
+                        say("    once more at the end, with no other run on its devices")
+                        crowded.add(name)
+                        open_runs.append(name)
+                    elif failure is not None:
                         failed.append(name)
             break
         else:
@@ -186,18 +199,19 @@ def do_all(
     return failed
 
 
-def _succeeds(
+def _failure(
     run: Run, scale: Scale, base: Path, name: str, deadline: Deadline, stop: Stoppable, say: Callable[[str], None]
-) -> bool:
-    """Do a run and tell what came of it; False if it failed, since hours of other runs should not end with this one."""
-    began, fine = time.monotonic(), True
+) -> type[Exception] | None:
+    """Do a run and tell what came of it; returns what it failed with, since hours of other runs should not end with it.
+    Only the class: an error holds the arrays of all functions that it came through."""
+    began, failure = time.monotonic(), None
     try:
         ended = do(run, scale, base / name, None if run.before is None else base / run.before, deadline, stop)
     except Exception as error:
-        ended, fine = f"failed: {type(error).__name__}: {error}", False
+        ended, failure = f"failed: {type(error).__name__}: {error}", type(error)
         say(traceback.format_exc())
     say(f"    {ended} after {time.monotonic() - began:.0f} s")
-    return fine
+    return failure
 
 
 def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Deadline, stop: Stoppable) -> str:

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import jax
 import numpy as np
 import pytest
 
@@ -85,6 +86,32 @@ def test_what_is_done_is_kept_what_fails_is_told_and_the_rest_goes_on(tmp_path):
     assert work.do_all(runs, list("abc"), scale, tmp_path, deadline, NeverStop(), said.append) == []
     assert done == ["a", "c", "b"]
     assert work.do_all(runs, list("abc"), scale, tmp_path, work.Deadline(-1.0), NeverStop(), said.append) == []
+
+
+def test_a_run_that_may_lack_memory_is_done_once_more_at_the_end_and_then_alone(tmp_path, monkeypatch):
+    done, said, claims, tries = [], [], [], {"a": 0, "b": 0}
+    claimed = locks.claimed
+
+    def noted(base, name, devices, alone):
+        claims.append((name, alone))
+        return claimed(base, name, devices, alone)
+
+    monkeypatch.setattr(work, "claimed", noted)
+
+    def short(name, times):
+        def measure(folder):
+            tries[name] += 1
+            if tries[name] <= times:
+                raise jax.errors.JaxRuntimeError("NOT_FOUND: All configs failed during profiling")
+            fake(name, done)(folder)
+
+        return Run(None, measure=measure, evaluated=False)
+
+    runs = {"a": short("a", 1), "b": short("b", 9), "c": Run(None, measure=fake("c", done), evaluated=False)}
+    scale, deadline = Scale("full", "1"), work.Deadline(1.0)
+    assert work.do_all(runs, list("abc"), scale, tmp_path, deadline, NeverStop(), said.append) == ["b"]
+    assert done == ["c", "a"] and tries == {"a": 2, "b": 2}
+    assert claims == [("a", False), ("b", False), ("c", False), ("a", True), ("b", True)]
 
 
 def test_a_wish_to_stop_is_heard_between_runs(tmp_path):
