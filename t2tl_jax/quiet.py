@@ -2,12 +2,14 @@
 
 MuJoCo prints two lines when it is imported without its optional `warp`. On a CPU, XLA writes lines of a thousand
 characters for each program that it reads from the compilation cache: it finds features of the processor missing
-(`prefer-no-gather`) that are its own preferences, which no processor has.
+(`prefer-no-gather`) that are its own preferences, which no processor has. Where a checkpoint cannot be written, Orbax
+leaves the loop in which it waits, and TensorStore tells that loop of every other array, each with a traceback.
 """
 
 import contextlib
 import io
 import os
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
@@ -17,6 +19,9 @@ XLA_LOG_LEVEL = "TF_CPP_MIN_LOG_LEVEL"
 """Read by XLA when it is loaded; 3 leaves what ends the process. Errors of a program are exceptions in any case."""
 
 NOISE = ("Failed to import warp", "Failed to import mujoco_warp")
+
+LEFT_LOOP = "Event loop is closed"
+"""What asyncio says to who calls a loop that is closed."""
 
 
 @contextlib.contextmanager
@@ -34,6 +39,24 @@ def quiet_imports() -> Iterator[None]:
         for line in heard.getvalue().splitlines():
             if not line.startswith(NOISE):
                 print(line)
+
+
+def quiet_left_writes() -> None:
+    """Drop, from now on, what is said of writes whose loop was left: the error that ended it has been raised."""
+    if isinstance(sys.unraisablehook, _WithoutLeftWrites):
+        return
+    sys.unraisablehook = _WithoutLeftWrites(sys.unraisablehook)
+
+
+@dataclass(frozen=True)
+class _WithoutLeftWrites:
+    """What is told of errors that nobody can catch, but for that one."""
+
+    others: Callable[[Any], Any]
+
+    def __call__(self, unraisable: Any) -> None:
+        if not (isinstance(unraisable.exc_value, RuntimeError) and str(unraisable.exc_value) == LEFT_LOOP):
+            self.others(unraisable)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
 from experiments.reproduction.anytask.runs import any_runs
+from experiments.reproduction.anytask.terms import TERMS
 from experiments.reproduction.attention_picture import AttentionPicture, attention_picture
 from experiments.reproduction.cells import text
 from experiments.reproduction.changed import changed
@@ -47,46 +48,6 @@ One agent for each environment is asked to carry out formulas that it was not tr
 trained on, where the world has more than one. What is not measured yet says so.
 The formulas of the tests are named as in `t2tl_jax/ltl/benchmark_tasks.py`; `python -m experiments.reproduce --only
 any` makes all of it again."""
-
-ANY_TERMS = """\
-Success: the formula became true. It became false: violation. Ended by env: the agent left the arena while the formula
-was open. Steps are means over the episodes that succeed. Return is the mean discounted reward: 1 when the formula
-becomes true, and -1 for a violation or for leaving the arena, where others count 0, so that ours is never above theirs
-for the same episodes (LTL2Action's in the walled ZoneEnv counts a violation as ours does). Episodes: 500 for each seed,
-formula and policy, on maps that are kept for evaluation; but for each seed and policy 500 over all formulas of
-`Until_1_2_1_1`, 500 over those of an agent's own family, and 10 for each of 50 formulas with a map of its own. Each of
-these is one line, so that nothing is known of its worst formula. Unless said otherwise the policy is sampled; its mode
-is the deterministic one. Brackets are 95 % intervals over seeds (of rates, Wilson's with one trial a seed); of several
-formulas, over seeds and formulas, both as samples. Rows met: of the formula's open rows, how many were a row of any
-pool of the training, by language; renamed: also under other names of propositions. Of more than four colours, a row
-that reads more colours than the training had was not met; its own family: all rows of the formulas that are kept for
-evaluation. A formula of which a row was met is not unseen in the strict sense: its last steps, such as "reach Blue",
-are rows of nearly every task. The formulas of the tests themselves are kept out of all pools of the agents, under
-whatever names, but for those of more than four colours, of `Until_1_2_1_1` and of the lists with maps. What encoders
-met in their pre-training is told with the codes. The settings of any-flat, whose seeds begin with 40, of any-zones and
-any-water, whose seeds begin with 60, and of those of the broad family, whose seeds begin with 76, were chosen on seeds
-from 100 on after results of earlier settings had been seen on these very formulas: the agents have not seen them, we
-have. For any-zones, before which an agent had stayed below the aim on j8 and g3, these were 18 settings of 3 seeds (100
-to 102), 40 million frames (one: 80), judged by success on four formulas that are no tests, but were made like j8 and
-g3; none was tested on the tests. The best at 40 million frames was trained for 100 million, without a trial of that,
-and tested; it was then made again by the same settings and seeds, since its parameters had not been kept, and is shown
-as it was made last. How the broad family was chosen is told with the codes. These trials are not stored. For WaterWorld
-these were eight settings, judged by success and steps on `phi_water`, before an agent that was stored, and others after
-it, on a CPU, which were not counted. Four agents were stored there one after another, each after the one before had
-stayed below its aim; the one shown got a farther discount (.995, so that its returns are higher than theirs for the
-same steps) and more frames, without a trial before; its mean is over the bar, its interval over seeds includes it. For
-FlatWorld they were two; these and WaterWorld's eight were tested on the formulas of the tests themselves. Aims are
-judged by the mean itself, not by its interval, unless they say worst. Seconds are upper bounds where several trainings
-shared a GPU, as most did; any-zones had one for itself, while others trained on the same host. Figures of others, see
-`experiments/paper/published_any.py`: DeepLTL's, RAD's, GCRL-LTL's and LTL2Action's come from DeepLTL's own result
-files, deterministic in ZoneEnv; GenZ-LTL are its shipped models, played by this project in the closed form of the same
-physics, five models with 500 maps each: these figures are not published, and their episodes not stored; nor are those
-of the script in WaterWorld. Means of others over several formulas are of the figures shown; the return beside them
-counts 0 for an episode that fails. LTL2Action beside ours is as DeepLTL's authors trained it again, on a family that is
-not named, but for the walled ZoneEnv. letters_reach_12 and letters_avoid_6 are inferred from their names, R-12 and
-RA-6; ours have 150 and 75 moves, and which limits theirs had is not published. Of long trainings the curves are kept at
-every n-th iteration, and in newer ones at closer iterations of the last 5 %."""
-
 
 Drawing = Picture | AttentionPicture | EpisodesPicture | EpisodeGIF
 
@@ -147,7 +108,7 @@ def documentation(root: Path) -> Documentation:
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}
     episodes = of_runs(for_any)
     any_lines = {name: picture.markdown() for name, picture in episodes.items()}
-    terms = "\n\n".join(part for part in (ANY_TERMS, changed(for_any, any_runs())) if part)
+    terms = "\n\n".join(part for part in (TERMS, changed(for_any, any_runs())) if part)
     any_page = page(ANY_ITEMS, for_any, smoke=False, head=ANY_HEAD, pictures=any_lines, terms=terms)
     moving = EpisodeGIF(GIF, results / "paper" / "zone-t2tl", "phi_zone")
     drawn: list[Drawing] = [*shown.values(), *of_tokens.values(), *episodes.values(), moving]

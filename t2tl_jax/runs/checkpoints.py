@@ -19,6 +19,7 @@ import jax
 import orbax.checkpoint as ocp
 
 from t2tl_jax.errors import Note
+from t2tl_jax.quiet import quiet_left_writes
 from t2tl_jax.runs import host_arrays
 from t2tl_jax.runs.host_arrays import checksum, checksums
 from t2tl_jax.training import hosts
@@ -249,6 +250,7 @@ class Checkpoints:
         self, iteration: int, trees: Mapping[str, Any], info: dict[str, Any], kept: str, broken: int | None
     ) -> None:
         """The work of the thread."""
+        quiet_left_writes()
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             stored = {"checksums": {name: checksums(tree) for name, tree in trees.items()}, REPLAY: kept}

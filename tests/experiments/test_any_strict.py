@@ -38,7 +38,20 @@ def test_no_row_of_the_tests_is_met_under_any_names(name):
 def test_processes_count_the_same_rows():
     env = make_env(CONFIG.env)
     alone = replace(CONFIG, run=replace(CONFIG.run, pool_processes=0))
-    assert met.rows_trained_on(CONFIG, env) == met.rows_trained_on(alone, env)
+    first = range(2)
+    assert met._rows_of_pools(CONFIG, env, first) == met._rows_of_pools(alone, env, first)
+
+
+def test_pools_are_drawn_once_for_trainings_that_differ_in_what_reads_them(monkeypatch):
+    env, drawn = make_env(CONFIG.env), []
+    monkeypatch.setattr(met, "_of_pools", {})
+    monkeypatch.setattr(met, "_rows_of_pools", lambda config, env, numbers: drawn.append(config) or len(drawn))
+    other = replace(CONFIG, learner=replace(CONFIG.learner, learning_rate=0.5), seeds="5", run=replace(CONFIG.run))
+    assert [met.rows_trained_on(config, env) for config in (CONFIG, other, CONFIG)] == [1, 1, 1]
+    shorter = replace(CONFIG, frames=CONFIG.frames // 2)
+    others = (shorter, replace(CONFIG, pool=replace(CONFIG.pool, seed=CONFIG.pool.seed + 1)), CONFIG, other)
+    assert [met.rows_trained_on(config, env) for config in others] == [2, 3, 4, 4]
+    assert len(met._of_pools) == met.MOST_KEPT
 
 
 def made(tmp_path, name, success, rows):

@@ -51,6 +51,11 @@ FROM_TABLE = f"{BROAD}automaton"
 AGAINST_TABLE = [(f"{BROAD}lookahead", f"{BROAD}{code}") for code in LEARNED]
 """A code that is read off the table, and those that were learned."""
 
+AGAINST_PLAYED = [
+    pair for code in TEXTS for pair in ((f"{SOLVED}{code}", f"{BROAD}{code}"), (f"{BROAD}lookahead", f"{SOLVED}{code}"))
+]
+"""A code that learned by dynamic programming against the same reader that learned by playing, and against the table."""
+
 LEVELS: dict[str, tuple[str, ...]] = {
     "z1 to z6": suites.ZONE_Z,
     "deeper": suites.ZONE_DEEP,
@@ -76,7 +81,8 @@ def levels(runs: Mapping[str, Stored]) -> str:
         rows_met_say(broad | solved),
         BROAD_SAYS if broad else "",
         solved_say(solved),
-        against_table(broad),
+        compared(broad, AGAINST_TABLE),
+        compared(broad | solved, AGAINST_PLAYED) if solved else "",
         text_alone(runs),
         _levels_table(others),
         rows_met_say(others),
@@ -209,12 +215,12 @@ def _label(name: str) -> str:
     return name.removeprefix("any-zones-") if name != "any-zones" else "the agent above"
 
 
-def against_table(runs: Mapping[str, Stored]) -> str:
-    """The code that is read off the table against those that were learned: on z1 to z6, and on harder formulas."""
+def compared(runs: Mapping[str, Stored], pairs: Sequence[tuple[str, str]]) -> str:
+    """Agents with one code against those with another one: on z1 to z6, and on harder formulas."""
     found = []
     for called, tasks in (("z1 to z6", suites.ZONE_Z), ("g1 to s8", suites.ZONE_HARD)):
         values = {name: _of_each_seed(run, tasks) for name, run in runs.items()}
-        found.append(differences(runs, AGAINST_TABLE, values, f"success, mean of {called}"))
+        found.append(differences(runs, pairs, values, f"success, mean of {called}"))
     return "\n\n".join(part for part in found if part)
 
 

@@ -15,6 +15,8 @@ OTHER_CODES = {
     "broad-gru": "GRU's",
     "broad-rgcn": "R-GCN's",
     "broad-transformer": "Transformer's",
+    "solved-gru": "GRU's of more formulas",
+    "solved-transformer": "Transformer's of more formulas",
 }
 """Codes that the README tells of, read by one layer."""
 

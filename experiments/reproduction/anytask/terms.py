@@ -1,0 +1,58 @@
+"""What the words of the page of agents for any task mean, what was chosen on what, and whose the other figures are."""
+
+TERMS = """\
+## How to read the tables
+
+- **Success**: the formula became true. **Violation**: it became false. **Ended by env**: the agent left the arena while
+  the formula was open. **Steps**: means over the episodes that succeed.
+- **Return**: mean discounted reward, 1 when the formula becomes true, -1 for a violation and for leaving the arena.
+  Others count 0 for these, so that ours is never above theirs for the same episodes. (LTL2Action's in the walled
+  ZoneEnv counts a violation as ours does.)
+- **Policy**: sampled, unless said otherwise; its **mode** is the deterministic one.
+- **Episodes**: 500 for each seed, formula and policy, on maps that are kept for evaluation. Three lines have fewer, for
+  each seed and policy: 500 over all formulas of `Until_1_2_1_1`, 500 over those of an agent's own family, and 10 for
+  each of 50 formulas with a map of its own. Of these nothing is known of the worst formula.
+- **Brackets**: 95 % intervals over seeds (of rates, Wilson's with one trial a seed). Of several formulas: over seeds
+  and formulas, both as samples. Aims are judged by the mean itself, not by its interval, unless they say worst.
+- **Rows met**: of the formula's open rows, how many were a row of any pool of the training, by language. **Renamed**:
+  also under other names of propositions. Of more than four colours, a row that reads more colours than the training had
+  was not met. Its own family: all rows of the formulas that are kept for evaluation.
+- **Unseen**: a formula of which a row was met is not unseen in the strict sense. Its last steps, such as "reach Blue",
+  are rows of nearly every task. The formulas of the tests themselves are kept out of all pools of the agents, under
+  whatever names, but for those of more than four colours, of `Until_1_2_1_1` and of the lists with maps. What encoders
+  met in their pre-training is told with the codes.
+- **Seconds**: upper bounds where several trainings shared a GPU, as most did; any-zones had one for itself, while
+  others trained on the same host.
+- **Curves**: of long trainings they are kept at every n-th iteration, and in newer ones at closer iterations of the
+  last 5 %.
+
+### What was chosen after results had been seen
+
+The agents have not seen the formulas of the tests; we have. The settings of any-flat (seeds from 40), any-zones and
+any-water (from 60), and of the broad family (from 76) were chosen on seeds from 100 on, after results of earlier
+settings had been seen on these very formulas. None of these trials is stored.
+
+- **any-zones**: an agent before it had stayed below the aim on j8 and g3. Then came 18 settings of 3 seeds (100 to
+  102), 40 million frames (one: 80), judged by success on four formulas that are no tests, but were made like j8 and g3;
+  none was tested on the tests. The best at 40 million frames was trained for 100 million, without a trial of that, and
+  tested. It was then made again by the same settings and seeds, since its parameters had not been kept, and is shown as
+  it was made last.
+- **any-water**: eight settings, judged by success and steps on `phi_water`, before an agent that was stored, and others
+  after it, on a CPU, which were not counted. Four agents were stored one after another, each after the one before had
+  stayed below its aim. The one shown got a farther discount (.995, so that its returns are higher than theirs for the
+  same steps) and more frames, without a trial before. Its mean is over the bar; its interval over seeds includes it.
+- **any-flat**: two settings. These and WaterWorld's eight were tested on the formulas of the tests themselves.
+- **The broad family**: told with the codes.
+
+### Whose the other figures are
+
+See `experiments/paper/published_any.py`.
+
+- DeepLTL's, RAD's, GCRL-LTL's and LTL2Action's come from DeepLTL's own result files, deterministic in ZoneEnv.
+  LTL2Action is as DeepLTL's authors trained it again, on a family that is not named, but for the walled ZoneEnv.
+- GenZ-LTL are its shipped models, played by this project in the closed form of the same physics, five models with 500
+  maps each. These figures are not published, and their episodes not stored; nor are those of the script in WaterWorld.
+- Means of others over several formulas are of the figures shown. The return beside them counts 0 for an episode that
+  fails.
+- letters_reach_12 and letters_avoid_6 are inferred from their names, R-12 and RA-6. Ours have 150 and 75 moves; which
+  limits theirs had is not published."""
