@@ -39,7 +39,7 @@ class PPOState:
     opt_state: optax.OptState
     episodes: Episode  # the N environments, leading axis [N]
     noise: jax.Array | None  # float32[N, A], the last exploration noise (unit variance); None for discrete actions
-    carry: Carry  # the context window of every environment, leading axis [N]; () without context
+    carry: Carry  # the context window, or carried state, of every environment, leading axis [N]; () without context
     key: jax.Array
     iteration: jax.Array  # int32
 
@@ -57,10 +57,10 @@ class Transitions:
     truncated: jax.Array  # bool[T, N]
     next_obs: jax.Array  # float32[T, N, O], of s' before any reset
     next_row: jax.Array  # int32[T, N]
-    carry: Carry  # the window that acted at the first step of every segment, leading axes [T / S, N]
+    carry: Carry  # the window, or state, that acted at the first step of every segment, leading axes [T / S, N]
 
 
-# What acting takes from step to step: exploration noise, the context window, and the same window with embeddings; ()
+# What acting takes from step to step: exploration noise, the carry, and of a window the same with embeddings; ()
 # instead where the first is read as it is.
 Known = tuple[jax.Array | None, Carry, Carry]
 
@@ -78,9 +78,9 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
     network = ActorCritic(config.network, env.num_actions or env.action_size, discrete, env.objects)
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
     # Parameters stand still while acting, so what was seen is embedded once and not at every step that remembers it;
-    # but tasks do not stand still, and states that read them are made anew.
-    for_task = config.network.windows_by_task
-    as_seen = context if context is None or for_task else replace(context, recompute=False)
+    # but tasks do not stand still, and states that read them are made anew. What is carried holds nothing to embed.
+    as_it_is = context is None or context.carried or config.network.windows_by_task
+    as_seen = context if context is None or as_it_is else replace(context, recompute=False)
     actor: Callable[..., Any] = ActorCritic(
         replace(config.network, context=as_seen), network.action_size, discrete, env.objects
     ).apply
@@ -141,7 +141,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
 
         def explore(known: Known, now: State, key: jax.Array) -> tuple[jax.Array, Known, jax.Array]:
             noise, carry, window = known
-            read = carry if for_task else window
+            read = carry if as_it_is else window
             distribution = actor(state.params, now.obs, embedding[env.row(now)], read, method="policy")
             # White noise on this bang-bang robot averages out within a metre; noise that persists carries it along.
             # Every action by itself still has the policy's distribution, whose density the loss uses.
@@ -170,7 +170,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             )
             return transition, step.totals, task_totals(step, env_params.table), step.state.metrics
 
-        # The window, which is large, is kept once a segment; without context there is none, and all is one stretch.
+        # The carry, which is large, is kept once a segment; without context there is none, and all is one stretch.
         stretch = config.unroll_length if context is None else config.segment_length
 
         def one_stretch(before: tuple[Episode, Known], key: jax.Array) -> tuple[tuple[Episode, Known], Any]:
@@ -201,8 +201,8 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         return known, episodes, replace(transitions, carry=carry), metrics
 
     def embedded(params: Params, carry: Carry) -> Carry:
-        """The window with embeddings of what was seen in it; () where it is read as it is, by the task."""
-        if for_task:
+        """The window with embeddings of what was seen in it; () where the carry is read as it is."""
+        if as_it_is:
             return ()
         if not isinstance(carry, Window) or context is None or not context.recompute:
             return carry
@@ -231,7 +231,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
 
         if context is None:  # by time and environment, as the environments are spread over devices
             value, next_value = evaluate((replace(transitions, carry=()), ()))
-        else:  # a token of a window takes much more memory than a value, so no more samples at once than in the update
+        else:  # a token takes much more memory than a value, so no more samples at once than in the update
             parts = jax.tree.map(
                 lambda x: x.reshape(config.num_minibatches, len(x) // config.num_minibatches, *x.shape[1:]),
                 (steps, carry),

@@ -24,7 +24,7 @@ class Batch:
     log_prob: jax.Array
     value: jax.Array
     advantage: jax.Array
-    carry: Segment | tuple[()] = ()  # the windows that acted
+    carry: Segment | tuple[()] = ()  # the windows, or states, that acted
 
 
 def ppo_loss(

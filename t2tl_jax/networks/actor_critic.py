@@ -1,7 +1,7 @@
 """The actor-critic of the published code: environment encoder, task embedding, context, actor, critic."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +9,8 @@ from flax import linen as nn
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import Carry, ContextConfig, ContextEncoder, RecurrentNetwork, Segment
+from t2tl_jax.networks.carried import CarriedEncoder
+from t2tl_jax.networks.context import Carried, Carry, ContextConfig, ContextEncoder, RecurrentNetwork, Segment
 from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
 from t2tl_jax.networks.initializers import unit_norm
 from t2tl_jax.networks.state_encoder import StateEncoderConfig
@@ -51,8 +52,9 @@ class NetworkConfig:
     """Squash the numbers of observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as
     published."""
     context: ContextConfig | None = None
-    """The window of the last steps of the episode and who reads it (T2TL); None for a policy without memory (T1TL).
-    The state may be flat, or merged: what is remembered is then merged by the task of the step that reads it."""
+    """The window of the last steps and who reads it (T2TL), or a state that is carried; None for a policy without
+    memory (T1TL). The state may be flat, or merged: what is remembered is then merged by the task of the step that
+    reads it."""
 
     def __post_init__(self) -> None:
         checks.sizes(self, "env_layers", "actor_layers", "critic_layers")
@@ -62,7 +64,7 @@ class NetworkConfig:
     @property
     def windows_by_task(self) -> bool:
         """Whether there are windows, and what they hold is read for the task of the step that reads them."""
-        return self.context is not None and self.state.reads_task
+        return self.context is not None and not self.context.carried and self.state.reads_task
 
 
 def _mlp(x: jax.Array, sizes: tuple[int, ...], activation, name: str) -> jax.Array:
@@ -95,6 +97,14 @@ class EnvironmentEncoder(nn.Module):
     def before_layers(self, obs: jax.Array, task: jax.Array) -> jax.Array:
         """What the state encoder makes of obs [..., O] and task [..., dim], which the layers read: [..., D]."""
         return self.state(obs, task)
+
+    def of_objects(self, obs: jax.Array) -> jax.Array:
+        """Of states that read the task, each object for no task: obs [..., O] -> [..., n, E]."""
+        return self.state.of_objects(obs)
+
+    def of_remembered(self, remembered: jax.Array, task: jax.Array) -> jax.Array:
+        """What was remembered of each object [..., n, H], merged by the task [..., dim] -> [..., D]."""
+        return self.state.of_remembered(remembered, task)
 
 
 class Actor(nn.Module):
@@ -153,7 +163,8 @@ class ActorCritic(RecurrentNetwork):
         self.actor = Actor(self.config.actor_layers, self.action_size, self.config.mean_scale, self.discrete)
         self.critic = Critic(self.config.critic_layers, self.config.value_scale)
         if self.config.context is not None:
-            self.context_encoder = ContextEncoder(self.config.context, self.action_size if self.discrete else None)
+            encoder: Any = CarriedEncoder if self.config.context.carried else ContextEncoder
+            self.context_encoder = encoder(self.config.context, self.action_size if self.discrete else None)
 
     def embed(self, table: TaskTable) -> jax.Array:
         """float32[rows, dim], one vector for every row of the table."""
@@ -173,6 +184,11 @@ class ActorCritic(RecurrentNetwork):
         """Of remembered observations, the state encoder alone: `env_layers` on every slot would cost K times more."""
         return self.environment_encoder.before_layers(obs, task)
 
+    def see_apart(self, obs: jax.Array) -> jax.Array:
+        """What a carried state learns of obs [..., O]: its embedding [..., E], or of states that read the task each
+        object [..., n, E]."""
+        return self.environment_encoder.of_objects(obs) if self.config.state.reads_task else self.see(obs)
+
     def of_task(self, task: jax.Array) -> jax.Array:
         """What actor and critic read of codes [..., dim]."""
         return self.config.state.left_of(task, self.config.task_encoder)
@@ -183,18 +199,19 @@ class ActorCritic(RecurrentNetwork):
         action = jnp.int32(0) if self.discrete else jnp.zeros(self.action_size)
         return action, (observation_size, *self.config.env_layers)[-1]
 
+    @property
+    @nn.nowrap
+    def apart(self) -> tuple[int, ...]:
+        """The number of objects, of states that read the task."""
+        return (len(self.objects.numbers),) if self.objects is not None and self.config.state.reads_task else ()
+
     def features(self, obs: jax.Array, task: jax.Array, carry: Carry | Segment = ()) -> jax.Array:
         """obs [..., O], task [..., dim], carry of [...] environments -> [..., D], shared by actor and critic.
 
         The carry may also be segments of [...] without the last axis, which then is that of their steps.
         """
         embedding = self.see(obs, task)
-        parts = [embedding, self.of_task(task)]
-        if self.config.windows_by_task:
-            parts.append(self.context_for(carry, obs, task))
-        elif self.config.context is not None:
-            parts.append(self.context(carry, embedding))
-        return jnp.concatenate(parts, axis=-1)
+        return jnp.concatenate([embedding, self.of_task(task), *self.recalled(carry, obs, task, embedding)], axis=-1)
 
     def policy(self, obs: jax.Array, task: jax.Array, carry: Carry = ()) -> Distribution:
         """Distribution of the action, leading axes [...]."""
@@ -206,12 +223,38 @@ class ActorCritic(RecurrentNetwork):
 
     def value_after(self, obs: jax.Array, next_obs: jax.Array, next_task: jax.Array, carry: Segment | tuple[()]):
         """Value [..., S] of the states that the steps of segments led to, before any new episode."""
-        parts = [self.see(next_obs, next_task), self.of_task(next_task)]
+        seen = None if self.config.context is None or self.config.state.reads_task else self.see(obs)
+        recalled = self.recalled(carry, obs, next_task, seen, after=True)
+        return self.critic(
+            jnp.concatenate([self.see(next_obs, next_task), self.of_task(next_task), *recalled], axis=-1)
+        )
+
+    def recalled(
+        self, carry: Carry | Segment, obs: jax.Array, task: jax.Array, embedding: jax.Array | None, after: bool = False
+    ) -> list[jax.Array]:
+        """The context variable [..., output] for the `task` [..., dim], which not all memories need; none without
+        context. `embedding` [..., E] is that of obs [..., O], which states that read the task do not need."""
+        if self.config.context is None:
+            return []
+        if self.config.context.carried:
+            return [self.context_carried(carry, obs, task, embedding, after)]
         if self.config.windows_by_task:
-            parts.append(self.context_for(carry, obs, next_task, after=True))
-        elif self.config.context is not None:
-            parts.append(self.context(carry, self.see(obs), after=True))
-        return self.critic(jnp.concatenate(parts, axis=-1))
+            return [self.context_for(carry, obs, task, after)]
+        return [self.context(carry, embedding, after)]
+
+    def context_carried(
+        self, carry: Carry | Segment, obs: jax.Array, task: jax.Array, embedding: jax.Array | None, after: bool
+    ) -> jax.Array:
+        """`recalled` of a state that was carried, or of segments that begin with one."""
+        if not isinstance(carry, Carried | Segment):
+            raise ValueError(f"a network with carried=True needs the state that it carries, got {type(carry).__name__}")
+        by_task = self.config.state.reads_task
+        if isinstance(carry, Carried):
+            state = carry.state
+        else:
+            seen = self.see_apart(obs) if by_task or embedding is None else embedding
+            state = self.context_encoder.states(carry, seen, after)
+        return self.context_encoder(self.environment_encoder.of_remembered(state, task) if by_task else state)
 
     def __call__(self, obs: jax.Array, task: jax.Array, carry: Carry | Segment = ()) -> tuple[Distribution, jax.Array]:
         """Distribution of the action and value from one pass through the shared features."""
@@ -222,4 +265,8 @@ class ActorCritic(RecurrentNetwork):
         self, table: TaskTable, obs: jax.Array, row: jax.Array, carry: Carry = ()
     ) -> tuple[Distribution, jax.Array]:
         """Touch every part once: `init(key, table, obs, row, carry, method="initialise")` makes all parameters."""
+        if isinstance(carry, Carried):  # reading a state does not touch what makes it
+            action, _ = self.blank(obs.shape[-1])
+            none = jnp.zeros((*obs.shape[:-1], *action.shape), action.dtype)
+            self.remember(carry, obs, none, jnp.zeros(obs.shape[:-1]))
         return self(obs, self.embed(table)[row], carry)

@@ -9,10 +9,12 @@ which every observation is embedded and every token is made once, and then stack
 States that read the task (`network.state=merged`) are others for every task. Their windows keep observations, and each
 is merged by the task of the step that reads the window: where did I see what I need now? So observations are stacked
 instead of tokens, and every token is made K times.
+
+With `carried=True` a policy carries a GRU's state instead, through the whole episode: see `carried.py`.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -25,19 +27,25 @@ from t2tl_jax.networks.task_encoder import SequenceEncoderConfig
 from t2tl_jax.networks.transformer import TransformerConfig, TransformerEncoder
 from t2tl_jax.registry import CONTEXT_READERS, register_context_reader
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True)
 class ContextConfig:
     """What the window holds, and who reads it."""
 
     length: int = 8
-    """Steps that the window holds."""
+    """Steps that the window holds; a carried state has none."""
     reader: SequenceEncoderConfig = field(
         default_factory=lambda: TransformerConfig(layers=1, width=32, feed_forward=128)
     )
     """Who reads the window: a Transformer, by default of the sizes that the published code comes down to (unless it is
     masked, empty slots count as tokens of zeros), a GRU from the oldest step to the newest, or any other that is
     registered."""
+    carried: bool = False
+    """Carry the reader's state through the whole episode, instead of reading the last steps anew at every step. Needs a
+    GRU, which in the update is unrolled over a segment from the state at its start: gradients reach back to there, so
+    segments should be longer."""
     reset: bool = True
     """Empty the window at the start of every episode (paper); the published code never does."""
     aligned: bool = True
@@ -50,8 +58,9 @@ class ContextConfig:
     (published code), through which no gradient flows. States that read the task (merged) are made anew at every step:
     they need True, and go into the tokens by themselves, without the layers of the environment encoder."""
     segment_length: int = 8
-    """PPO draws its minibatches in pieces of so many successive steps, which share the work on their windows; must
-    divide unroll_length. 1 draws every step by itself, as the published code does, and is several times slower."""
+    """PPO draws its minibatches in pieces of so many successive steps, which share the work on their windows or their
+    carried state; must divide unroll_length. 1 draws every step by itself, as the published code does, and is several
+    times slower."""
 
     def __post_init__(self) -> None:
         if self.length < 1:
@@ -62,6 +71,16 @@ class ContextConfig:
             raise ValueError(
                 "aligned=False gives every step the window of another one, so steps share nothing; it needs "
                 f"segment_length=1, got segment_length={self.segment_length}"
+            )
+        if self.carried and not isinstance(self.reader, GRUConfig):
+            raise ValueError(
+                "carried=True needs a reader with a state, network.context.reader=gru, got a reader of "
+                f"{type(self.reader).__name__}"
+            )
+        if self.carried and not (self.aligned and self.recompute):
+            raise ValueError(
+                "with carried=True there are no windows to misalign and no embeddings to keep; it needs aligned=True "
+                f"and recompute=True, got aligned={self.aligned} and recompute={self.recompute}"
             )
         if self.halved and not isinstance(self.reader, TransformerConfig):
             raise ValueError(
@@ -91,15 +110,22 @@ class Window:
     valid: jax.Array  # bool[..., K], False for an empty slot
 
 
-Carry: TypeAlias = Window | tuple[()]
-"""What a policy remembers of an episode: a window, or nothing at all without context."""
+@struct.dataclass
+class Carried:
+    """What a GRU made of all steps of the episode so far; zeros before the first one."""
+
+    state: jax.Array  # float32[..., H], or [..., n, H] where each of n objects is remembered by itself
+
+
+Carry: TypeAlias = Window | Carried | tuple[()]
+"""What a policy remembers of an episode: a window or a carried state, or nothing at all without context."""
 
 
 @struct.dataclass
 class Segment:
-    """S successive steps of one environment, and what is needed for the windows of all of them."""
+    """S successive steps of one environment, and what is needed for the windows or carried states of all of them."""
 
-    start: Window  # [..., K] slots, at the first step
+    start: Any  # of the first step: a `Window` of [..., K] slots, or a `Carried` of [...]
     action: jax.Array  # [..., S, A], or int32[..., S] where actions are discrete
     reward: jax.Array  # float32[..., S]
     ended: jax.Array  # bool[..., S], the episode ended with this step
@@ -146,13 +172,23 @@ def _slots(carry: Carry, chosen: slice) -> Carry:
     return jax.tree.map(lambda x: x[*leading, chosen], carry)
 
 
-def empty_where(window: Window, ended: jax.Array) -> Window:
-    """The window emptied where `ended` bool[...], one flag per environment."""
+def empty_where(carry: T, ended: jax.Array) -> T:
+    """The carry emptied where `ended` bool[...], one flag per environment."""
 
     def clear(x: jax.Array) -> jax.Array:
         return jnp.where(ended.reshape(ended.shape + (1,) * (x.ndim - ended.ndim)), jnp.zeros_like(x), x)
 
-    return jax.tree.map(clear, window)
+    return jax.tree.map(clear, carry)
+
+
+def token_parts(action: jax.Array, reward: jax.Array, seen: jax.Array, num_actions: int | None) -> jax.Array:
+    """Side by side what a token is made of: action [..., A] or int32[...], reward [...], seen [..., E]; or what the
+    tokens of n objects are made of, of which [..., n, E] was seen."""
+    action = action if num_actions is None else jax.nn.one_hot(action, num_actions)
+    done = jnp.concatenate([action, reward[..., None]], axis=-1)
+    if seen.ndim > done.ndim:
+        done = jnp.broadcast_to(done[..., None, :], (*seen.shape[:-1], done.shape[-1]))
+    return jnp.concatenate([done, seen], axis=-1)
 
 
 def stack_windows(slots: jax.Array, axis: int, steps: int, after: bool) -> jax.Array:
@@ -221,7 +257,7 @@ class ContextEncoder(nn.Module):
 
         The code of an empty window is 0 (the paper's "set the context variable to zero") unless it is not masked.
         """
-        slots = self.slots(window.action, window.reward, embedding)
+        slots = token_parts(window.action, window.reward, embedding, self.num_actions)
         return self.read(self.token(slots), self.empty(slots), window.valid)
 
     def segment(self, segment: Segment, before: jax.Array, during: jax.Array, after: bool = False) -> jax.Array:
@@ -234,14 +270,9 @@ class ContextEncoder(nn.Module):
             jnp.concatenate(parts, axis)
             for parts in ((start.action, segment.action), (start.reward, segment.reward), (before, during))
         )
-        slots = self.slots(action, reward, embedding)
+        slots = token_parts(action, reward, embedding, self.num_actions)
         tokens = stack_windows(self.token(slots), axis, steps, after)
         return self.read(tokens, self.empty(slots), valid_in_windows(segment, self.config.reset, after))
-
-    def slots(self, action: jax.Array, reward: jax.Array, embedding: jax.Array) -> jax.Array:
-        """Side by side what a token is made of: action [..., A] or int32[...], reward [...], embedding [..., E]."""
-        action = action if self.num_actions is None else jax.nn.one_hot(action, self.num_actions)
-        return jnp.concatenate([action, reward[..., None], embedding], axis=-1)
 
     def empty(self, slots: jax.Array) -> jax.Array:
         """The token of an empty slot, [width]: that of zeros."""
@@ -261,7 +292,7 @@ class ContextEncoder(nn.Module):
 
 class RecurrentNetwork(nn.Module):
     """What a policy's network does with its carry. A subclass makes `context_encoder`, `see` and `blank`, and
-    `see_for` if it takes states that read the task.
+    `see_for` if it takes states that read the task, `see_apart` and `apart` if its state can be carried.
 
     Without context every carry is `()`.
     """
@@ -276,9 +307,19 @@ class RecurrentNetwork(nn.Module):
         """What tokens hold of states that read the task: [..., O] and [..., dim], broadcast -> [..., E]."""
         raise NotImplementedError
 
+    def see_apart(self, obs: jax.Array) -> jax.Array:
+        """What a carried state learns of an observation, whatever the task: [..., O] -> [..., E] or [..., n, E]."""
+        raise NotImplementedError
+
     @nn.nowrap
     def blank(self, observation_size: int) -> tuple[jax.Array, int]:
         """Any one action, and the size E of the embedding."""
+        raise NotImplementedError
+
+    @property
+    @nn.nowrap
+    def apart(self) -> tuple[int, ...]:
+        """(n,) where one state is carried for each of n objects, () where it is one for all."""
         raise NotImplementedError
 
     @nn.nowrap
@@ -287,6 +328,8 @@ class RecurrentNetwork(nn.Module):
         context = self.config.context
         if context is None:
             return ()
+        if context.carried:
+            return Carried(jnp.zeros((*self.apart, context.reader.width)))
         action, embedding_size = self.blank(observation_size)
         return empty_window(context.length, action, observation_size if context.recompute else embedding_size)
 
@@ -298,12 +341,14 @@ class RecurrentNetwork(nn.Module):
 
     def remember(self, carry: Carry, obs: jax.Array, action: jax.Array, reward: jax.Array) -> Carry:
         """The carry after a step."""
+        if isinstance(carry, Carried):
+            return self.context_encoder.after(carry, action, reward, self.see_apart(obs))
         return without_oldest(self.extend(carry, obs, action, reward))
 
     @nn.nowrap
     def next_episode(self, carry: Carry, ended: jax.Array) -> Carry:
         """The carry to go on with: emptied where the episode `ended` bool[...], unless it is never to be."""
-        if not isinstance(carry, Window) or not self.config.context.reset:
+        if not isinstance(carry, Window | Carried) or not self.config.context.reset:
             return carry
         return empty_where(carry, ended)
 
@@ -331,7 +376,7 @@ class RecurrentNetwork(nn.Module):
         return self.context_encoder(window, self.see_for(window.seen, task[..., None, :]))
 
 
-def _remembered(carry: Carry | Segment) -> Window | Segment:
+def _remembered(carry: Any) -> Window | Segment:
     """The carry of a network with context; ValueError for one without."""
     if not isinstance(carry, Window | Segment):
         raise ValueError(f"a network with context needs a window, got {type(carry).__name__}")

@@ -23,6 +23,7 @@ class MergedConfig(StateEncoderConfig):
 
     reads_task: ClassVar[bool] = True
     in_windows: ClassVar[bool] = True
+    in_carried: ClassVar[bool] = True
 
     def check(self, objects: Objects | None, reader: TaskEncoderConfig) -> None:
         """There have to be readings, and a code that speaks of each proposition by itself."""
@@ -48,8 +49,30 @@ class MergedEncoder(nn.Module):
 
     def __call__(self, obs: jax.Array, task: jax.Array) -> jax.Array:
         """obs [..., O] and task [..., dim], broadcast against each other -> [..., own + K size]."""
-        own, each = (self.squash(x) for x in object_features(obs, self.objects, 1.0))
-        told = self.reader.by_proposition(task)[0][..., jnp.array(self.objects.proposition), :]  # [..., n, K]
-        merged = (each[..., :, None, :] * told[..., None]).max(axis=-3)  # [..., K, size]
+        own, each = self._features(obs)
+        merged = (each[..., :, None, :] * self._told(task)[..., None]).max(axis=-3)  # [..., K, size]
         merged = merged.reshape(*merged.shape[:-2], -1)
         return jnp.concatenate([jnp.broadcast_to(own, (*merged.shape[:-1], own.shape[-1])), merged], axis=-1)
+
+    def of_objects(self, obs: jax.Array) -> jax.Array:
+        """What each object is beside the agent, for no task: obs [..., O] -> [..., n, own + size]."""
+        own, each = self._features(obs)
+        own = jnp.broadcast_to(own[..., None, :], (*each.shape[:-1], own.shape[-1]))
+        return jnp.concatenate([own, each], axis=-1)
+
+    def of_remembered(self, remembered: jax.Array, task: jax.Array) -> jax.Array:
+        """What was remembered of each object [..., n, H], merged by the task [..., dim] -> [..., K H].
+
+        It is a sum, since that is no reading, which is 0 where there is nothing and larger where something is near.
+        """
+        merged = jnp.einsum("...nk,...nh->...kh", self._told(task), remembered)
+        return merged.reshape(*merged.shape[:-2], -1)
+
+    def _features(self, obs: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """[..., own] and [..., n, size]."""
+        own, each = object_features(obs, self.objects, 1.0)
+        return self.squash(own), self.squash(each)
+
+    def _told(self, task: jax.Array) -> jax.Array:
+        """What the code [..., dim] says of each object's proposition: [..., n, K]."""
+        return self.reader.by_proposition(task)[0][..., jnp.array(self.objects.proposition), :]

@@ -56,6 +56,11 @@ class QNetworkConfig:
     def __post_init__(self) -> None:
         checks.sizes(self, "state_layers")
         checks.counts(self, "task_layer")
+        if self.context is not None and self.context.carried:
+            raise ValueError(
+                "DQN's replay holds windows of steps, and no states that were carried: network.context.carried=True is "
+                "PPO's; use carried=False"
+            )
         check_context(self.context, self.state, by_task=False)
         if self.state.reads_task and self.head == "bilinear":
             raise ValueError(

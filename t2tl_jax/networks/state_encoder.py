@@ -22,6 +22,9 @@ class StateEncoderConfig:
     in_windows: ClassVar[bool] = False
     """Whether a context window can hold such states. Those that read the task are then made anew of every remembered
     observation for every step that reads it, so they should have no parameters."""
+    in_carried: ClassVar[bool] = False
+    """Of states that read the task: whether their objects can be remembered each by itself and merged later, so that a
+    state that is carried can remember them. The module then has `of_objects` and `of_remembered`, see `merged.py`."""
 
     def check(self, objects: Objects | None, reader: TaskEncoderConfig) -> None:
         """Whether this can read such observations and such codes.

@@ -49,7 +49,8 @@ def make_state_encoder(
 
 
 def check_context(context: ContextConfig | None, state: StateEncoderConfig, by_task: bool) -> None:
-    """Whether a context window can hold such states, which it then keeps as observations if they read the task.
+    """Whether a context window can hold such states, or a carried state remember them; those that read the task are
+    kept as observations.
 
     Args:
         context: the network's context; without one nothing is wrong.
@@ -59,13 +60,20 @@ def check_context(context: ContextConfig | None, state: StateEncoderConfig, by_t
     Raises:
         ValueError: for a network with context whose windows cannot hold what the state encoder makes.
     """
-    if context is None or (state.in_windows and not state.reads_task):
+    if context is None or (not state.reads_task and (state.in_windows or context.carried)):
         return
     got = f"needs network.state=flat, got {type(state).__name__}"
     if not by_task:
         raise ValueError(
             f"the values of all tasks share one window, so DQN with context {got}; use flat, or "
             "network.context=None; PPO's windows can be merged, too"
+        )
+    if context.carried:
+        if state.in_carried:
+            return
+        raise ValueError(
+            "a state that is carried cannot read the task, which changes, and these states cannot be merged later: "
+            f"network.context.carried=True {got}; use flat, or network.state=merged where lidars can be merged"
         )
     if not state.in_windows:
         raise ValueError(

@@ -1,0 +1,154 @@
+"""PPO with a carried state: the update begins with the state that acted, and what was long ago is remembered."""
+
+import dataclasses
+
+import chex
+import jax
+import numpy as np
+import pytest
+
+from t2tl_jax.agents import ppo
+from t2tl_jax.agents.ppo import make_ppo
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.networks.actor_critic import NetworkConfig
+from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.merged import MergedConfig
+from t2tl_jax.networks.roles import RolesConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
+from t2tl_jax.runs.checkpoints import Checkpoints
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training.advantages import generalised_advantages
+from tests.agents import sizes
+from tests.agents.test_ppo_merged_context import ColouredCueEnv
+from tests.parameters import begun_quickly
+from tests.probe import CueEnv, success_by_memory
+
+pytestmark = pytest.mark.slow  # every test waits for the compilation of a learner
+
+EPISODE_LENGTH, DELAY = 10, 7
+CONTEXT = ContextConfig(carried=True, reader=sizes.GRU, segment_length=8)
+NETWORK = NetworkConfig(
+    task_encoder=OneHotConfig(),
+    env_layers=(16,),
+    actor_layers=(16,),
+    critic_layers=(),
+    value_scale=1.0,
+    context=CONTEXT,
+)
+# One minibatch: its probability ratios are those of the parameters that acted.
+PPO = dataclasses.replace(sizes.PPO, num_envs=32, unroll_length=16, epochs=1, minibatch_size=512, learning_rate=1e-2)
+ITERATIONS = 150
+
+
+class LateCueEnv(CueEnv):
+    """Decides so long after the cue that no short window holds it any more."""
+
+    delay = DELAY
+
+
+def make(probe=None, network=NETWORK, **changes):
+    probe = probe or LateCueEnv()
+    env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
+    return env, make_ppo(env, dataclasses.replace(PPO, network=network, **changes), EPISODE_LENGTH, ITERATIONS)
+
+
+values = []  # of the learner's last iterations: (value, next_value, ended), each [T, N]
+
+
+@pytest.fixture(scope="module")
+def learner():
+    """Environment, agent, and the agent's functions compiled once for all tests of the default settings."""
+    env, agent = make()
+
+    def spy(reward, value, next_value, terminated, truncated, *constants):
+        jax.debug.callback(lambda *arrays: values.append(arrays), value, next_value, terminated | truncated)
+        return generalised_advantages(reward, value, next_value, terminated, truncated, *constants)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ppo, "generalised_advantages", spy)
+        key, given = jax.eval_shape(jax.random.key, 0), env.make_params(0)
+        iterate = jax.jit(agent.iterate).lower(jax.eval_shape(agent.init, key, given), given).compile()
+    init = jax.jit(agent.init)
+    return env, agent, lambda key: init(key, given), lambda state: iterate(state, given)
+
+
+def test_the_update_begins_with_the_state_that_acted(learner):
+    """Ratio 1 in every iteration, across the ends of episodes and of rollouts, and nothing is left of an episode."""
+    _, _, init, iterate = learner
+    state = init(jax.random.key(0))
+    for _ in range(3):
+        state, metrics = iterate(state)
+        assert metrics.episodes.successes > 0 and metrics.episodes.timeouts > 0
+        assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
+        np.testing.assert_array_equal(state.carry.state.any(axis=1), state.episodes.elapsed > 0)
+
+
+def test_the_value_after_a_step_is_that_of_the_state_after_the_step(learner):
+    """Within an episode the next state is valued twice: after the step that led there, and before the next."""
+    _, _, init, iterate = learner
+    jax.block_until_ready(iterate(init(jax.random.key(0))))
+    jax.effects_barrier()
+    value, next_value, ended = map(np.asarray, values[-1])
+    goes_on = ~ended[:-1]
+    np.testing.assert_allclose(next_value[:-1][goes_on], value[1:][goes_on], atol=1e-5)
+    assert np.abs(next_value[:-1] - value[1:])[~goes_on].max() > 1e-3  # another episode's value is another
+
+
+def test_a_cue_of_long_ago_is_learnt_and_only_by_the_state(learner):
+    env, agent, init, iterate = learner
+    state = init(jax.random.key(0))
+    for _ in range(ITERATIONS):
+        state, metrics = iterate(state)
+    assert metrics.episodes.successes >= 0.95 * metrics.episodes.episodes
+    success = success_by_memory(env, agent, EPISODE_LENGTH)
+    assert success(state.params, True) >= 0.98
+    assert success(state.params, False) < 0.7
+
+    env, without = make(network=dataclasses.replace(NETWORK, context=None))
+    given = env.make_params(0)
+    state, iterate = jax.jit(without.init)(jax.random.key(0), given), jax.jit(without.iterate)
+    for _ in range(ITERATIONS):
+        state, metrics = iterate(state, given)
+    assert metrics.episodes.successes < 0.7 * metrics.episodes.episodes
+
+
+def test_a_checkpoint_holds_the_states_and_a_resumed_run_goes_on_as_one_that_was_not(learner, tmp_path):
+    _, _, init, iterate = learner
+    state, _ = iterate(init(jax.random.key(0)))
+    with Checkpoints(tmp_path) as checkpoints:
+        checkpoints.save(1, state, {})
+        _, restored = checkpoints.restore(jax.eval_shape(lambda: state))
+    assert restored.carry.state.any()
+    resumed, straight = (iterate(start)[0] for start in (restored, state))
+    chex.assert_trees_all_equal(resumed.carry, straight.carry)
+    chex.assert_trees_all_equal(resumed.params, straight.params)
+
+
+def test_states_of_objects_act_and_learn_alike_in_seeds_side_by_side():
+    """Of merged states: ratio 1, the tokens are learnt, and a seed is the same beside another one."""
+    network = dataclasses.replace(
+        NETWORK, task_encoder=RolesConfig(propositions=2), state=MergedConfig(), actor_layers=()
+    )
+    env, agent = make(ColouredCueEnv(), network)
+    given = env.make_params(0)
+    keys = jax.random.split(jax.random.key(0), 2)
+
+    def play(key):
+        begun = state = begun_quickly(agent).init(key, given)
+        scalars = []
+        for _ in range(2):
+            state, metrics = iterate(state)
+            scalars.append(metrics.scalars)
+        return begun.params, state.params, state.carry.state, scalars
+
+    iterate = jax.jit(lambda state: agent.iterate(state, given))
+    both = jax.jit(jax.vmap(play))(keys)
+    one = jax.jit(play)(keys[1])
+    chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], both), one, rtol=1e-4, atol=1e-5)
+    begun, params, carried, scalars = both
+    for of_iteration in scalars:
+        assert np.abs(of_iteration["kl"]).max() < 1e-6 and not of_iteration["clip_fraction"].any()
+    assert carried.shape == (2, 32, 2, sizes.GRU.width)
+    tokens, first = (x["params"]["context_encoder"]["token"]["kernel"] for x in (params, begun))
+    moved = np.abs(tokens - first).max(axis=(0, 2))
+    assert np.delete(moved, 1).min() > 1e-5 and moved[1] == 0  # the only reward comes with the end
