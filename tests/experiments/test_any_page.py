@@ -154,6 +154,10 @@ def test_what_memory_is_and_how_far_it_was_trained_is_said(tmp_path):
         and "of 75-80 % and of 95-100 %" in said
     )
     assert "t1tl 0.632 to 0.800; gru 0.632 to 0.800. It rose until the end" in said
+    assert "of such a one nothing was measured" in said
+    of_carried = write(tmp_path / "carried", all_runs()[anymemory.CARRIED].config, (24, 25), iterations=20)
+    with_it = anymemory.memory((*names, anymemory.CARRIED), runs | {anymemory.CARRIED: of_carried})
+    assert "learns over 32 steps" in with_it and "nothing was measured" not in with_it
     still = {name: write(tmp_path / f"{name}-2", config, (24, 25), iterations=20, success_rate=0.5) for name in names}
     assert "It still rose of none." in anymemory.memory(names, still)
     assert {"violation", "ended by env"} <= set(cells(said)["policy"])

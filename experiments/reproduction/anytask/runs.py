@@ -59,6 +59,9 @@ MEMORY_RANGE = 1.2
 MEMORY_STEPS = 24
 """Steps of the windows: in so many the robot goes 0.7 m at most."""
 
+MEMORY_SEGMENT = 32
+"""Steps over which a carried state is learned, from the one that was stored at the first of them."""
+
 PAPER_COLOURS = ("Black", "White", "Red", "Yellow")
 
 ZONE_TESTS = (*suites.ZONE_Z, *suites.ZONE_HARD, *suites.ZONE_DEEP, *suites.ZONE_WIDE)
@@ -118,7 +121,10 @@ MERGED: dict[str, TaskEncoderConfig] = {
 }
 """Codes that say of each colour what it is to the task, with room for more colours than the training has."""
 
-MEMORIES = ("t1tl", "t2tl", "gru")
+MEMORIES = ("t1tl", "t2tl", "gru", "carried")
+
+MEMORY_GRU = GRUConfig(width=48, output=16)
+"""Of the two recurrent policies, which then have as many parameters: one carries its state, one reads a window."""
 
 STRICT = "-strict"
 """Ending of the names of agents whose training met no row of the tests."""
@@ -288,15 +294,17 @@ def _encoders() -> dict[str, Run]:
 
 
 def _memory() -> dict[str, Run]:
-    """Discs that are seen from near only: without memory, and with either reader of the last steps. Lidars are merged,
-    also those that are remembered, by what their colours are to the task now."""
+    """Discs that are seen from near only: without memory, with either reader of the last steps, and with a state that
+    is carried through the episode. Lidars are merged, also those that are remembered, and so are the states of the
+    colours, by what these are to the task now."""
     base = _base(suites.ZONE_Z)
     env: Any = base.env
     base = replace(base, env=replace(env, lidar_range=MEMORY_RANGE), frames=MEMORY_FRAMES)
     contexts = {
         "t1tl": None,
         "t2tl": ContextConfig(length=MEMORY_STEPS),
-        "gru": ContextConfig(length=MEMORY_STEPS, reader=GRUConfig(width=48, output=16)),
+        "gru": ContextConfig(length=MEMORY_STEPS, reader=MEMORY_GRU),
+        "carried": ContextConfig(carried=True, reader=MEMORY_GRU, segment_length=MEMORY_SEGMENT),
     }
     return {
         f"any-memory-{name}": _run(_with(base, network={"context": contexts[name]}), MEMORY_SEEDS) for name in MEMORIES

@@ -5,13 +5,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from experiments.reproduction.anytask import met
-from experiments.reproduction.anytask.runs import BROAD_FRAMES, MEMORY_RANGE, MEMORY_STEPS
+from experiments.reproduction.anytask.runs import BROAD_FRAMES, MEMORY_RANGE, MEMORY_SEGMENT, MEMORY_STEPS
 from experiments.reproduction.cells import COST, cost, share, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections.anytask import MODE, own_family, state_of
 from experiments.reproduction.stored import Stored
 from t2tl_jax.registry import named_config
+
+CARRIED = "any-memory-carried"
+"""The run whose policy carries its state."""
 
 METRES_A_STEP = 0.03
 """What the robot goes in one at most, once it is that fast."""
@@ -79,6 +82,12 @@ def _what_they_are(runs: Mapping[str, Stored]) -> str:
         else f"It still rose of {', '.join(rising) or 'none'}."
     )
     own = next((met.read(run.path).get("own") for run in runs.values()), None)
+    carried = (
+        f"carried has as many parameters as gru and goes on with its state through the whole episode, one for each "
+        f"colour, and learns over {MEMORY_SEGMENT} steps from the state that it had at the first of them"
+        if CARRIED in runs
+        else "it is no policy whose state is carried through the episode, and of such a one nothing was measured"
+    )
     known = (
         f" Of the {own['formulas']} formulas of the family that they are tested on, training met {own['renamed']} as a "
         f"whole under other names, and of {own['without a row met']} no row."
@@ -88,9 +97,8 @@ def _what_they_are(runs: Mapping[str, Stored]) -> str:
     return (
         f"The window of t2tl and of gru holds the last {MEMORY_STEPS} steps, in which the robot goes "
         f"{MEMORY_STEPS * METRES_A_STEP:.1f} m at most, where the lidar reaches {MEMORY_RANGE} m: it "
-        "holds little that is out of the lidar's reach. gru reads the same window, anew at every step: it is no policy "
-        "whose state is carried through the episode, and of such a one nothing was measured. All had "
-        f"{frames / 1e6:.0f} million frames, agents of the broad family {BROAD_FRAMES / 1e6:.0f} and any-zones "
+        f"holds little that is out of the lidar's reach. gru reads the same window, anew at every step: {carried}. "
+        f"All had {frames / 1e6:.0f} million frames, agents of the broad family {BROAD_FRAMES / 1e6:.0f} and any-zones "
         f"{longest / 1e6:.0f}. Success in training, of {parts[0]} % and of {parts[1]} % of the frames: {rose}. {told}"
         f"{known}"
     )
