@@ -36,6 +36,7 @@ DESCRIPTION = """Train an agent on a temporal-logic task.
                   (--learner.network.task-encoder), with its defaults
   --task KIND     tasks of a family that is data, such as chains; --task.FIELD then sets its fields
   --PART None     leave out an optional part that the configuration has, such as --learner.network.context
+  --PART.FIELD X  put in an optional part that it has not, such as --learner.network.context.length 8
 
 Examples:
   python -m experiments.run --config zone_ppo --seeds 4
@@ -177,7 +178,8 @@ def override(config: Config, arguments: Sequence[str], prog: str = "python -m ex
 
 
 def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[Any, list[str]]:
-    """The dataclass with other kinds of parts where a flag names one, and without those that a flag sets to None.
+    """The dataclass with other kinds of parts where a flag names one, without those that a flag sets to None, and with
+    optional ones, by default, of which a flag sets a field.
 
     tyro offers the fields of the part that is there, or None where there is none, but no way from one to the other.
     Also returns the other arguments. Nothing is checked: a part may fit only together with what other flags change.
@@ -190,6 +192,9 @@ def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[A
         if word is not None and hints[field.name] == str | TaskFamily:
             value, arguments = named_families().get(word, word), without(arguments, place)
             changes[field.name] = value
+        if value is None and _has_fields_of(arguments, flag):
+            kinds: list[Any] = [kind for kind in get_args(hints[field.name]) if dataclasses.is_dataclass(kind)]
+            value = kinds[0]() if kinds else None
         if not dataclasses.is_dataclass(value):
             continue
         if word is not None and hints[field.name] in REGISTRIES:
@@ -202,6 +207,11 @@ def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[A
     for name, value in changes.items():
         object.__setattr__(changed, name, value)
     return changed, arguments
+
+
+def _has_fields_of(arguments: Sequence[str], flag: str) -> bool:
+    """Whether the arguments set a field of a part: ``--flag.FIELD``."""
+    return any(argument.partition("=")[0].replace("_", "-").startswith(f"{flag}.") for argument in arguments)
 
 
 def _checked(config: Any) -> Any:

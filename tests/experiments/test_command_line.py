@@ -66,6 +66,22 @@ def test_a_part_can_be_changed_or_left_out():
         command_line.override(ZONE, ["--learner.network.task-encoder", "None"])
 
 
+def test_a_part_that_is_not_there_is_put_in_by_its_fields():
+    without = command_line.override(ZONE, ["--learner.network.context", "None"])
+    flags = ["--learner.network.context.length=12", "--learner.network.context.reader", "gru"]
+    read_by_gru = command_line.override(without, flags)
+    assert read_by_gru.learner.network.context == ContextConfig(length=12, reader=GRUConfig())
+    carried = ["--learner.network.context.carried", "--learner.network.context.reader", "gru"]
+    assert command_line.override(without, carried).learner.network.context == ContextConfig(
+        reader=GRUConfig(), carried=True
+    )
+    assert command_line.override(without, ["--frames", "2e5"]).learner.network.context is None
+    with pytest.raises(UserError, match=r"unknown option '--learner\.network\.context\.lenth'"):
+        command_line.override(without, ["--learner.network.context.lenth", "3"])
+    with pytest.raises(UserError, match=r"carried=True needs a reader with a state, network\.context\.reader=gru"):
+        command_line.override(without, ["--learner.network.context.carried", "True"])
+
+
 def test_a_part_can_be_of_another_kind():
     flags = ["--learner.network.task-encoder", "gru", "--learner.network.task-encoder.width", "8"]
     read_otherwise = command_line.override(ZONE, flags)
