@@ -6,17 +6,18 @@ import numpy as np
 
 from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
+from experiments.reproduction.anytask.runs import SOLVED_FORMULAS
 from experiments.reproduction.sections.anytask import SAMPLED, ZONES, figures, over_tasks
 from experiments.reproduction.stored import Stored
 
 OTHER_CODES = {
     "broad-lookahead": "look-ahead",
-    "broad-automaton": "automaton's",
-    "broad-gru": "GRU's",
-    "broad-rgcn": "R-GCN's",
-    "broad-transformer": "Transformer's",
-    "solved-gru": "GRU's of more formulas",
-    "solved-transformer": "Transformer's of more formulas",
+    "broad-automaton": "automaton",
+    "broad-gru": "GRU",
+    "broad-rgcn": "R-GCN",
+    "broad-transformer": "Transformer",
+    "solved-gru": f"of {SOLVED_FORMULAS / 1e6:g} million formulas GRU",
+    "solved-transformer": "Transformer",
 }
 """Codes that the README tells of, read by one layer."""
 
@@ -44,16 +45,15 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     hardware = ", ".join(sorted({name.replace("NVIDIA ", "") for name in run.versions["devices"]}))
     alone = "alone" if run.status.get("alone") else "beside others on its host"
     parts = (
-        "*One agent of the open ZoneEnv.",
-        "It reads codes off the table and merges lidars by them.",
+        "*One agent of the open ZoneEnv reads codes off the table and merges lidars by them.",
         "Settings were chosen on other formulas, knowing results on these.",
         f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
-        f"(DeepLTL's own files: {theirs('DeepLTL')}; GenZ-LTL's models, played by us: {theirs('GenZ-LTL')});",
+        f"(DeepLTL's files: {theirs('DeepLTL')}; GenZ-LTL's, played by us: {theirs('GenZ-LTL')});",
         f"on {weakest}, the weakest of {len(rest)} others: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",
         f"on twelve discs in turn: {rates['reach_12']:.2f}.",
-        f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames took {run.train_seconds:.0f} s,",
+        f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} M frames took {run.train_seconds:.0f} s,",
         f"and {run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.",
-        f"Lidars gated by a code, z1 to z6 and those {len(rest)}:",
+        f"Lidars gated by a code, z1 to z6/those {len(rest)}:",
         f"{_of_codes(runs, OTHER_CODES)}.*",
     )
     return " ".join(parts)
@@ -69,6 +69,6 @@ def _of_codes(runs: Mapping[str, Stored], codes: Mapping[str, str]) -> str:
             continue
         of = figures(run)
         means = [over_tasks(of, tasks, SAMPLED, "success_rate").value for tasks in (suites.ZONE_Z, suites.ZONE_HARD)]
-        said.append(f"{label} {means[0]:.2f} and {means[1]:.2f}")
-        budgets[f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} million frames"] = None
+        said.append(f"{label} {means[0]:.2f}/{means[1]:.2f}")
+        budgets[f"{len(run.seeds)} seeds, {run.frames / 1e6:.0f} M frames"] = None
     return f"{', '.join(said)} ({' or '.join(budgets)})" if said else "nothing measured yet"
