@@ -98,7 +98,7 @@ def _read(arguments: Arguments) -> None:
     env_params = experiment.env_params("evaluation")
     env_params_of = [replace(env_params, env=seed_slice(env_params.env, k)) for k in range(len(result.seeds))]
 
-    end = result.params[arguments.which]
+    end = result.params_of(arguments.which)
     begun = start_params(result)
     if begun.problem:
         print(f"note: the start is drawn for a new network, since its pre-trained encoder is missing: {begun.problem}")

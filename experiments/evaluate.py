@@ -95,7 +95,7 @@ def _evaluate(arguments: Arguments) -> None:
     if arguments.tasks is not None or arguments.certify:
         _evaluate_tasks(arguments, folder, stored, result)
         return
-    chosen = evaluations.WHICH if arguments.which == "both" else (arguments.which,)
+    chosen = tuple(result.params) if arguments.which == "both" else (arguments.which,)
     length = result.config.episode_length
 
     def settings(which: Any) -> Any:
@@ -106,7 +106,7 @@ def _evaluate(arguments: Arguments) -> None:
     reader = stored.learner.task_encoder
     if result.config.task != stored.task and reader is not None and not reader.carries_over:
         print("note: a one-hot code does not carry over to another task; its rows now mean other sub-tasks")
-    params = {which: result.params[which] for which in chosen}
+    params = {which: result.params_of(which) for which in chosen}
     reports = evaluations.evaluate_policies(result.experiment, params, arguments.episodes, length)
     print(table(evaluations.lines(reports)), flush=True)
     if result.seeds == parse_seeds(stored.seeds):
@@ -136,7 +136,7 @@ def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any)
         evaluate_tasks.store_certificates(folder, settings(one, arguments.certify), made)
         print(f"stored: {folder.certificates}")
         return
-    chosen = evaluations.WHICH if arguments.which == "both" else (arguments.which,)
+    chosen = tuple(result.params) if arguments.which == "both" else (arguments.which,)
     shown = settings(arguments.which, arguments.episodes) | {"task": f"{len(tasks)} of a list"}
     print("  ".join(f"{name}: {value}" for name, value in shown.items()), flush=True)
     reports = evaluate_tasks.evaluate(result, stored, tasks, chosen, arguments.episodes)

@@ -50,7 +50,8 @@ MOST_OF_SEARCH = 32
 """The same of the runs of a search, of which only the end is compared; that is shorter, so that all of it is kept."""
 
 MOST_MEBIBYTES = 2
-"""Size up to which a file of parameters is kept; in ZoneEnv all are smaller, in WaterWorld none is."""
+"""Size up to which a file of parameters is kept. In ZoneEnv all are smaller; of WaterWorld, the final ones alone are, in
+half precision."""
 
 
 SIZES = "sizes.json"
@@ -306,10 +307,19 @@ def _check_history(name: str, revision: str, repository: Path) -> None:
 
 
 def _keep_parameters(name: str, result: Result, file: Path, say: Callable[[str], None]) -> None:
-    """Store the parameters of a run's first seed, unless the file would be too large for the repository."""
+    """Store the parameters of a run's first seed, unless the file would be too large for the repository: all of them,
+    or the final ones alone in half precision."""
     first = {which: jax.tree.map(lambda leaf: leaf[:1], params) for which, params in result.params.items()}
     params_file.write(file, first, result.seeds[:1], result.iteration)
-    size = file.stat().st_size / 2**20
-    if size > MOST_MEBIBYTES:
-        file.unlink()
-        say(f"{name}: parameters are not kept, {size:.1f} MiB for one seed where {MOST_MEBIBYTES} are the most")
+    if _mebibytes(file) <= MOST_MEBIBYTES:
+        return
+    params_file.write(file, {"final": first["final"]}, result.seeds[:1], result.iteration, half=True)
+    if (size := _mebibytes(file)) <= MOST_MEBIBYTES:
+        say(f"{name}: the final parameters alone are kept, in half precision, {size:.1f} MiB for one seed")
+        return
+    file.unlink()
+    say(f"{name}: parameters are not kept, {size:.1f} MiB for one seed where {MOST_MEBIBYTES} are the most")
+
+
+def _mebibytes(file: Path) -> float:
+    return file.stat().st_size / 2**20

@@ -2,7 +2,8 @@
 
 The file is NumPy's compressed `.npz`, read without pickle: arrays by name, such as ``final/params/actor_0/kernel``. A
 small file can say that it holds arrays of any size, so names, shapes and dtypes are compared before an array is read.
-Where the best parameters are the final ones they are stored once, as the final ones.
+Where the best parameters are the final ones they are stored once, as the final ones. A file may also hold the final
+ones alone, and in half precision, which is read as single precision.
 """
 
 import math
@@ -20,8 +21,8 @@ from t2tl_jax.runs.evaluations import WHICH, Which
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.training.types import Params
 
-SEEDS, ITERATION = "seeds", "iteration"
-"""Names of the two arrays that are no parameters: int64[seeds], and int64[]."""
+SEEDS, ITERATION, ALONE = "seeds", "iteration", "final_alone"
+"""Names of the arrays that are no parameters: int64[seeds], int64[], and, where the best ones are left out, int64[]."""
 
 FINAL, BEST = "final/", "best/"
 """What the names of their arrays begin with."""
@@ -41,22 +42,40 @@ def stands_in(folder: RunFolder) -> bool:
     return folder.params.is_file() and not folder.checkpoints.is_dir()
 
 
-def write(path: Path, params: Mapping[Which, Params], seeds: Sequence[int], iteration: int) -> None:
+def write(path: Path, params: Mapping[Which, Params], seeds: Sequence[int], iteration: int, half: bool = False) -> None:
     """Store parameters.
 
     Args:
         path: of the file.
-        params: the final and the best ones, leading axis [seeds].
+        params: the final and the best ones, or the final ones alone, leading axis [seeds].
         seeds: their numbers.
         iteration: how many iterations led to the final ones.
+        half: round numbers of single precision to half.
+
+    Raises:
+        ValueError: for a number that half precision cannot hold.
     """
     arrays = {name: np.asarray(leaf) for name, leaf in _by_name(params).items()}
+    if half:
+        arrays = {name: _halved(name, leaf) for name, leaf in arrays.items()}
+    if "best" not in params:
+        arrays[ALONE] = np.array(1, np.int64)
     final = {name.replace(FINAL, BEST, 1): leaf for name, leaf in arrays.items() if name.startswith(FINAL)}
     if "best" in params and all(np.array_equal(leaf, arrays[name], equal_nan=True) for name, leaf in final.items()):
         arrays = {name: leaf for name, leaf in arrays.items() if name not in final}
     arrays |= {SEEDS: np.array(seeds, np.int64), ITERATION: np.array(iteration, np.int64)}
     with path.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+
+
+def _halved(name: str, leaf: np.ndarray) -> np.ndarray:
+    if leaf.dtype != np.float32:
+        return leaf
+    with np.errstate(over="ignore"):
+        rounded = leaf.astype(np.float16)
+    if (np.isfinite(leaf) & ~np.isfinite(rounded)).any():
+        raise ValueError(f"{name} holds numbers up to {np.abs(leaf).max():g}, and half precision ends at 65504")
+    return rounded
 
 
 def seeds(path: Path) -> tuple[int, ...]:
@@ -73,24 +92,26 @@ def seeds(path: Path) -> tuple[int, ...]:
 
 
 def read(path: Path, like: Params) -> tuple[int, dict[Which, Params]]:
-    """The iteration, and the final and the best parameters.
+    """The iteration, and the final and the best parameters, or the final ones alone where the others were left out.
 
     Args:
         path: of the file.
-        like: shapes and dtypes of either, leading axis [seeds].
+        like: shapes and dtypes of either, leading axis [seeds]; numbers of half precision in the file become single.
 
     Raises:
         CheckpointError: if it cannot be read, or its arrays differ from ``like``.
     """
     with _opened(path) as (archive, there):
         stored: dict[Which, Which] = {which: which for which in WHICH}
-        if not any(name.startswith(BEST) for name in there):
+        if ALONE in there:
+            del stored["best"]
+        elif not any(name.startswith(BEST) for name in there):
             stored["best"] = "final"
         want = _by_name(dict.fromkeys(stored.values(), like))
-        wrong = [f"{name}: not expected" for name in there if name not in (*want, SEEDS, ITERATION)]
+        wrong = [f"{name}: not expected" for name in there if name not in (*want, SEEDS, ITERATION, ALONE)]
         for name, leaf in want.items():
             got = there.get(name)
-            if got is None or got.shape != leaf.shape or got.dtype != leaf.dtype:
+            if got is None or got.shape != leaf.shape or got.dtype not in (leaf.dtype, *_rounded_of(leaf)):
                 found = "nothing" if got is None else f"{got.dtype}{list(got.shape)}"
                 wrong.append(f"{name}: {found} in the file, {leaf.dtype}{list(leaf.shape)} expected")
         iteration = there.get(ITERATION)
@@ -100,9 +121,16 @@ def read(path: Path, like: Params) -> tuple[int, dict[Which, Params]]:
             raise CheckpointError(f"{path} belongs to another configuration or version:\n  " + "\n  ".join(wrong[:5]))
         tree = jax.tree.structure(like)
         return int(_array(archive, ITERATION)), {
-            which: jax.tree.unflatten(tree, [_array(archive, name) for name in _by_name({name_of: like})])
+            which: jax.tree.unflatten(
+                tree, [_array(archive, name).astype(leaf.dtype) for name, leaf in _by_name({name_of: like}).items()]
+            )
             for which, name_of in stored.items()
         }
+
+
+def _rounded_of(leaf: Any) -> tuple[np.dtype, ...]:
+    """In what else a file may hold numbers of this kind."""
+    return (np.dtype(np.float16),) if leaf.dtype == np.float32 else ()
 
 
 def _by_name(tree: Any) -> dict[str, Any]:

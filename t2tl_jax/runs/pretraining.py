@@ -145,7 +145,7 @@ def check(experiment: Experiment, first: "Result | None") -> Experiment:
 
 def encoder(experiment: Experiment, first: "Result") -> Params:
     """The task encoder of every seed of a run, from its pre-training: leading axis [seeds]."""
-    return transfer.task_encoder(first.params["best"], transfer.seed_index(first.seeds, experiment.seeds))
+    return transfer.task_encoder(first.params_of("best"), transfer.seed_index(first.seeds, experiment.seeds))
 
 
 def same_run(stored: Config, wanted: Config) -> bool:

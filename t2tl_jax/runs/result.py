@@ -76,7 +76,11 @@ class Result:
         return self.seeds.index(seed)
 
     def params_of(self, which: Which) -> Params:
-        """One of `params`, by its name; UserError for another name."""
+        """One of `params`, by its name; UserError for another name, or for one that was not kept."""
+        if which in WHICH and which not in self.params:
+            raise UserError(
+                f"of {self.folder} the {' and '.join(self.params)} parameters alone are kept, not the {which}"
+            )
         if which not in self.params:
             raise UserError(f"a run has parameters {' and '.join(WHICH)}, got which={which!r}")
         return self.params[which]

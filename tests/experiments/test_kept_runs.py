@@ -152,8 +152,17 @@ def test_the_agent_of_the_first_seed_is_kept_where_it_is_small(tmp_path, reposit
         jax.tree.map(
             lambda one, all_: np.testing.assert_array_equal(one, all_[:1]), again.params[which], result.params[which]
         )
-    monkeypatch.setattr(stored, "MOST_MEBIBYTES", 1e-6)
-    assert not kept().joinpath("params.npz").exists() and "run: parameters are not kept" in said[0]
+    sizes = iter([2.1, 1.9])
+    monkeypatch.setattr(stored, "_mebibytes", lambda file: next(sizes))
+    final = t2tl_jax.load(kept()).params
+    assert set(final) == {"final"} and "run: the final parameters alone are kept, in half precision, 1.9 MiB" in said[0]
+    jax.tree.map(
+        lambda one, all_: np.testing.assert_allclose(one, all_[:1], rtol=2**-11),
+        final,
+        {"final": result.params["final"]},
+    )
+    monkeypatch.setattr(stored, "_mebibytes", lambda file: 2.1)
+    assert not kept().joinpath("params.npz").exists() and "run: parameters are not kept" in said[1]
 
 
 def test_the_stored_sizes_are_those_of_the_networks(tmp_path):

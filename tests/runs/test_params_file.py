@@ -171,3 +171,39 @@ def test_best_parameters_that_are_the_final_ones_are_stored_once(small, tmp_path
     with np.load(tmp_path / "two.npz") as content:
         assert {"final/kernel", "best/kernel"} <= set(content)
     np.testing.assert_array_equal(params_file.read(tmp_path / "two.npz", like)[1]["best"]["kernel"], other["kernel"])
+
+
+def test_the_final_ones_alone_are_no_best_ones(kept, whole):
+    folder, of_one = kept
+    params_file.write(folder / "params.npz", {"final": of_one["final"]}, [1], whole.iteration)
+    result = load(folder)
+    assert set(result.params) == {"final"}
+    jax.tree.map(np.testing.assert_array_equal, result.params["final"], of_one["final"])
+    result.policy()
+    with pytest.raises(UserError, match=r"of .*kept the final parameters alone are kept, not the best"):
+        result.policy(which="best")
+
+
+@pytest.mark.slow
+def test_the_final_ones_alone_are_evaluated_by_themselves(kept, whole, evaluate_run, capsys):
+    folder, of_one = kept
+    params_file.write(folder / "params.npz", {"final": of_one["final"]}, [1], whole.iteration)
+    assert evaluate_run(folder, "--episodes", "20") == 0
+    said = capsys.readouterr().out
+    assert "final sampled" in said and "best sampled" not in said
+    assert evaluate_run(folder, "--episodes", "20", "--which", "best") == 2
+
+
+def test_half_precision_is_read_as_single(small):
+    file, like = small
+    params = {"kernel": np.array([[0.1, -3.0]], "f4")}
+    params_file.write(file, {"final": params}, [3], 5, half=True)
+    with np.load(file) as content:
+        assert content["final/kernel"].dtype == np.float16
+    found = params_file.read(file, like)[1]["final"]["kernel"]
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, params["kernel"], rtol=2**-11)
+    with pytest.raises(params_file.CheckpointError, match=r"float16\[1, 2\] in the file, int32"):
+        params_file.read(file, {"kernel": np.zeros((1, 2), "i4")})
+    with pytest.raises(ValueError, match="final/kernel holds numbers up to 70000, and half precision ends at 65504"):
+        params_file.write(file, {"final": {"kernel": np.array([[7e4, 0]], "f4")}}, [3], 5, half=True)
