@@ -50,8 +50,7 @@ MOST_OF_SEARCH = 32
 """The same of the runs of a search, of which only the end is compared; that is shorter, so that all of it is kept."""
 
 MOST_MEBIBYTES = 2
-"""Size up to which a file of parameters is kept. In ZoneEnv all are smaller; of WaterWorld, the final ones alone are, in
-half precision."""
+"""Size up to which a file of parameters is kept; WaterWorld's are larger, but for the final ones in half precision."""
 
 
 SIZES = "sizes.json"
