@@ -14,6 +14,9 @@ SMOKE = "**Smoke test: tiny networks and budgets, closed-form physics. These fig
 
 HEAD = "# The paper, measured again"
 
+MOST_NAMED = 12
+"""So many runs of an item that are missing are named."""
+
 TERMS = """\
 Return: average discounted return of the sampled policy over the last 5 % of training. Solved: seeds whose final
 parameters succeed in over 95 % of the evaluation's sampled episodes; the deterministic policy is counted likewise, but
@@ -60,8 +63,15 @@ def page(
         if section:
             parts += [fitting(section), (pictures or {}).get(name, ""), made_by(list(there.values()))]
         if missing:
-            parts.append(paragraph(f"Not measured yet: {', '.join(missing)}."))
+            parts.append(paragraph(f"Not measured yet: {named(missing)}."))
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def named(runs: Sequence[str]) -> str:
+    """Names of runs in a sentence: of many the first ones, and how many others there are."""
+    shown = runs if len(runs) <= MOST_NAMED else runs[: MOST_NAMED - 1]
+    others = len(runs) - len(shown)
+    return ", ".join(shown) + (f" and {others} others" if others else "")
 
 
 def fitting(text: str) -> str:

@@ -15,7 +15,7 @@ import pytest
 import tests.fake_learner  # noqa: F401
 from experiments import reproduce, tuning
 from experiments.reproduction import claims, items, locks, measures, representations, stored, work
-from experiments.reproduction.page import SMOKE, page
+from experiments.reproduction.page import SMOKE, named, page
 from experiments.reproduction.plan import Item, Run, Scale
 from experiments.reproduction.runs import AGENTS, MAPS, TIMED, all_runs
 from experiments.reproduction.sections import unit_time
@@ -271,6 +271,11 @@ def test_a_smoke_test_says_so_beside_every_item(tmp_path):
 @pytest.fixture(scope="module")
 def water():
     return stored.load(reproduce.RESULTS)
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, "r0"), (12, "r10, r11"), (13, "r9, r10 and 2 others")])
+def test_runs_that_are_missing_are_named_but_not_all_of_many(count, said):
+    assert named([f"r{k}" for k in range(count)]).endswith(said)
 
 
 def test_figures_of_a_stored_run(water):
