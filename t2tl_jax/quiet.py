@@ -21,7 +21,7 @@ XLA_LOG_LEVEL = "TF_CPP_MIN_LOG_LEVEL"
 NOISE = ("Failed to import warp", "Failed to import mujoco_warp")
 
 LEFT_LOOP = "Event loop is closed"
-"""What asyncio says to who calls a loop that is closed."""
+"""What asyncio says to whoever calls a loop that is closed."""
 
 
 @contextlib.contextmanager
@@ -41,11 +41,19 @@ def quiet_imports() -> Iterator[None]:
                 print(line)
 
 
-def quiet_left_writes() -> None:
-    """Drop, from now on, what is said of writes whose loop was left: the error that ended it has been raised."""
-    if isinstance(sys.unraisablehook, _WithoutLeftWrites):
+@contextlib.contextmanager
+def quiet_left_writes() -> Iterator[None]:
+    """Drop what is said of writes whose loop was left; also after the block, if it ends with the error that says why,
+    since threads go on to say it."""
+    before = sys.unraisablehook
+    if isinstance(before, _WithoutLeftWrites):
+        yield
         return
-    sys.unraisablehook = _WithoutLeftWrites(sys.unraisablehook)
+    ours = _WithoutLeftWrites(before)
+    sys.unraisablehook = ours
+    yield
+    if sys.unraisablehook is ours:
+        sys.unraisablehook = before
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,8 @@ def cost(run: Run) -> float:
         updates = learner.epochs * run.config.frames / learner.minibatch_size
     else:
         updates = learner.updates_per_step * steps
-    return (steps + updates) * (_CONTEXT if learner.network.context is not None else 1)
+    context = learner.network.context
+    return (steps + updates) * (_CONTEXT if context is not None and not context.carried else 1)
 
 
 _CONTEXT = 4

@@ -34,6 +34,9 @@ SHORT = jax.errors.JaxRuntimeError
 """What a run fails with that finds too little memory on its devices. XLA says so in many words, such as that no
 algorithm is left to choose, so they are not read."""
 
+CROWDED = ".crowded"
+"""Ending of the file that says of a run that it failed beside others, and is to be done alone."""
+
 WAIT = 2.0
 """Seconds between two looks at what other processes have done."""
 
@@ -147,8 +150,9 @@ def do_all(
     After each run the first one of the order (`in_order`) that can be done comes next: one for which nothing is to be
     done before, on which no other process works, and, if it is to be alone, with whose devices no other one works.
     What others stand in the way of is tried again until they are done. A run that fails is told of, and the others go
-    on. One that may have failed for lack of memory beside others is done once more at the end, with no other run on its
-    devices; but processes that wait there still hold the memory that they once used.
+    on. One that may have failed for lack of memory beside others is done once more after the others, with no other run
+    on its devices, by whichever process comes to it; but processes that wait there still hold the memory that they once
+    used.
 
     Args:
         runs: all runs by name.
@@ -170,14 +174,17 @@ def do_all(
 
     open_runs = [name for name in in_order(runs, names) if not is_known_done(name)]
     total, devices = len(open_runs), device_names()
-    crowded: set[str] = set()
+
+    def crowded(name: str) -> bool:
+        return (base / f"{name}{CROWDED}").exists()  # for all processes, and for the same command later
+
     while open_runs and not (deadline.passed or stop.requested):
         elsewhere = False
-        for name in open_runs:
-            run = runs[name]
+        for name in sorted(open_runs, key=crowded):
+            run, alone = runs[name], runs[name].alone or crowded(name)
             if run.before is not None and not is_known_done(run.before):
                 continue
-            with claimed(base, name, devices, run.alone or name in crowded) as mine:
+            with claimed(base, name, devices, alone) as mine:
                 if not mine:
                     elsewhere = True
                     continue
@@ -185,9 +192,9 @@ def do_all(
                 if not is_known_done(name):
                     say(f"[{total - len(open_runs)}/{total}] {name}")
                     failure = _failure(run, scale, base, name, deadline, stop, say)
-                    if failure is not None and issubclass(failure, SHORT) and not run.alone and name not in crowded:
-                        say("    once more at the end, with no other run on its devices")
-                        crowded.add(name)
+                    if failure is not None and issubclass(failure, SHORT) and not alone:
+                        say("    once more after the others, with no other run on its devices")
+                        (base / f"{name}{CROWDED}").touch()
                         open_runs.append(name)
                     elif failure is not None:
                         failed.append(name)
@@ -196,7 +203,7 @@ def do_all(
             if not elsewhere:
                 break
             time.sleep(WAIT)
-    return failed
+    return failed + [name for name in open_runs if crowded(name)]
 
 
 def _failure(

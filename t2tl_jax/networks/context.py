@@ -77,6 +77,11 @@ class ContextConfig:
                 "carried=True needs a reader with a state, network.context.reader=gru, got a reader of "
                 f"{type(self.reader).__name__}"
             )
+        if self.carried and self.segment_length < 2:
+            raise ValueError(
+                "a carried state is learned over the steps of a segment, and the first of them reads the state that "
+                f"was stored: carried=True needs segment_length=2 or more, got segment_length={self.segment_length}"
+            )
         if self.carried and not (self.aligned and self.recompute):
             raise ValueError(
                 "with carried=True there are no windows to misalign and no embeddings to keep; it needs aligned=True "

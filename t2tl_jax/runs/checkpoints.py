@@ -250,7 +250,6 @@ class Checkpoints:
         self, iteration: int, trees: Mapping[str, Any], info: dict[str, Any], kept: str, broken: int | None
     ) -> None:
         """The work of the thread."""
-        quiet_left_writes()
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             stored = {"checksums": {name: checksums(tree) for name, tree in trees.items()}, REPLAY: kept}
@@ -258,8 +257,9 @@ class Checkpoints:
             items = {name: ocp.args.StandardSave(tree) for name, tree in trees.items()}
             items["info"] = ocp.args.JsonSave({**info, "checksum": checksum(info)})
             manager = self._open()
-            manager.save(iteration, args=ocp.args.Composite(**items), force=True)
-            manager.wait_until_finished()
+            with quiet_left_writes():
+                manager.save(iteration, args=ocp.args.Composite(**items), force=True)
+                manager.wait_until_finished()
             for step in superfluous(manager.all_steps(), broken):
                 manager.delete(step)
             if kept == "left out":

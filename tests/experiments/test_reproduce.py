@@ -14,6 +14,7 @@ import pytest
 
 import tests.fake_learner  # noqa: F401
 from experiments import reproduce, tuning
+from experiments.fairness import sizes
 from experiments.reproduction import claims, items, locks, measures, representations, stored, work
 from experiments.reproduction.page import SMOKE, named, page
 from experiments.reproduction.plan import Item, Run, Scale
@@ -89,7 +90,7 @@ def test_what_is_done_is_kept_what_fails_is_told_and_the_rest_goes_on(tmp_path):
 
 
 def test_a_run_that_may_lack_memory_is_done_once_more_at_the_end_and_then_alone(tmp_path, monkeypatch):
-    done, said, claims, tries = [], [], [], {"a": 0, "b": 0}
+    done, said, claims, tries = [], [], [], dict.fromkeys("abd", 0)
     claimed = locks.claimed
 
     def noted(base, name, devices, alone):
@@ -110,8 +111,21 @@ def test_a_run_that_may_lack_memory_is_done_once_more_at_the_end_and_then_alone(
     runs = {"a": short("a", 1), "b": short("b", 9), "c": Run(None, measure=fake("c", done), evaluated=False)}
     scale, deadline = Scale("full", "1"), work.Deadline(1.0)
     assert work.do_all(runs, list("abc"), scale, tmp_path, deadline, NeverStop(), said.append) == ["b"]
-    assert done == ["c", "a"] and tries == {"a": 2, "b": 2}
+    assert done == ["c", "a"] and tries == {"a": 2, "b": 2, "d": 0}
     assert claims == [("a", False), ("b", False), ("c", False), ("a", True), ("b", True)]
+    runs = {"d": short("d", 1), "c": runs["c"]}  # another process has come to it before
+    (tmp_path / f"d{work.CROWDED}").touch()
+    assert work.do_all(runs, ["d"], scale, tmp_path, deadline, NeverStop(), said.append) == ["d"]
+    assert tries["d"] == 1 and claims[-1] == ("d", True)
+
+
+def test_a_run_that_may_lack_memory_has_failed_where_there_is_no_time_to_do_it_alone(tmp_path):
+    def measure(folder):
+        deadline.at = 0.0
+        raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED")
+
+    deadline, runs = work.Deadline(1.0), {"a": Run(None, measure=measure, evaluated=False)}
+    assert work.do_all(runs, ["a"], Scale("full", "1"), tmp_path, deadline, NeverStop(), print) == ["a"]
 
 
 def test_a_wish_to_stop_is_heard_between_runs(tmp_path):
@@ -206,6 +220,11 @@ def test_timed_runs_are_those_of_one_seed_and_start_from_such(runs):
         whole = runs[name.removesuffix("-alone")].config
         assert runs[name].config.frames * (1 if "pretraining" in name else TIMED) == whole.frames
     assert all(run.before not in timed for name, run in runs.items() if name not in timed)
+
+
+def test_recurrent_policies_that_are_compared_have_as_many_parameters(runs):
+    carried, windows = (sizes(runs[f"any-memory-{name}"].config) for name in ("carried", "gru"))
+    assert carried.others == windows.others
 
 
 def test_the_status_of_a_timed_run_says_that_it_was_alone():

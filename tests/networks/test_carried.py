@@ -159,12 +159,16 @@ def test_the_parameters_are_those_of_a_gru_over_windows():
     [
         (lambda: ContextConfig(carried=True), "network.context.reader=gru, got a reader of TransformerConfig"),
         (
+            lambda: dataclasses.replace(CONTEXT, segment_length=1),
+            "carried=True needs segment_length=2 or more, got segment_length=1",
+        ),
+        (
             lambda: dataclasses.replace(CONTEXT, recompute=False),
             "needs aligned=True and recompute=True, got aligned=True and recompute=False",
         ),
         (
             lambda: dataclasses.replace(CONTEXT, aligned=False, segment_length=1),
-            "needs aligned=True and recompute=True, got aligned=False and recompute=True",
+            "carried=True needs segment_length=2 or more",  # which misaligned windows do not have
         ),
         (
             lambda: dataclasses.replace(NETWORK, state=GatedConfig()),

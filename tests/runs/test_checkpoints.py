@@ -8,6 +8,7 @@ import resource
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +18,7 @@ import tensorstore
 from flax import struct
 
 from t2tl_jax.errors import Note
+from t2tl_jax.quiet import LEFT_LOOP, quiet_left_writes
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 
 
@@ -218,3 +220,23 @@ def test_a_state_of_a_version_with_another_replay_is_told(tmp_path, monkeypatch)
         other = dataclasses.replace(state(0), replay={"obs": jnp.zeros((2, 50)), "filled": jnp.zeros((2, 50))})
         with pytest.raises(CheckpointError, match=r"(?s)earlier version.*but not trained further"):
             checkpoints.read(lambda _: {"state": other}, "replay")
+
+
+def test_what_is_said_of_left_writes_is_dropped_and_other_errors_are_heard(monkeypatch):
+    heard = []
+    monkeypatch.setattr(sys, "unraisablehook", heard.append)
+    ours = sys.unraisablehook
+    left, other = (SimpleNamespace(exc_value=error) for error in (RuntimeError(LEFT_LOOP), RuntimeError("another")))
+
+    def say():
+        for unraisable in (left, other):
+            sys.unraisablehook(unraisable)
+
+    with quiet_left_writes():
+        say()
+    assert heard == [other] and sys.unraisablehook == ours
+    for _ in range(2):  # threads go on to say it
+        with pytest.raises(OSError, match="full"), quiet_left_writes():
+            raise OSError("full")
+    say()
+    assert heard == [other, other]

@@ -5,7 +5,7 @@ what was drawn by chance and what was kept out both count.
 """
 
 import os
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -54,18 +54,15 @@ MOST_KEPT = 2
 """So many sets of pools are remembered: those of an agent, and of the code that was learned before it."""
 
 
-_of_pools: dict[Hashable, Rows] = {}
+_of_pools: dict[str, Rows] = {}
 """What the last pools held, by all that they depend on: trainings that differ in their network alone draw the same."""
 
 
 def rows_trained_on(config: Config, env: LabelledEnv) -> Rows:
     """The languages of all open rows of all pools of a training."""
     numbers = range(-(-config.iterations // config.pool.period))
-    drawn_by = (
-        *(config.task, config.pool, config.limits, config.progression),
-        *(env.propositions, env.alphabet),
-        numbers,
-    )
+    pools = (config.task, config.pool, config.limits, config.progression)
+    drawn_by = repr((*pools, env.propositions, env.alphabet, numbers))
     if drawn_by not in _of_pools:
         while len(_of_pools) >= MOST_KEPT:
             del _of_pools[next(iter(_of_pools))]

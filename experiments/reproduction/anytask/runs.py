@@ -110,7 +110,7 @@ SOLVED_RATES = {"transformer": 2e-3, "gru": 3e-3}
 """Step sizes of readers of texts that learn by dynamic programming: of .001 to .005, and of .001 and .003, the best."""
 
 SOLVED_FORMULAS = 2_000_000
-"""How many random formulas they read."""
+"""How many places for random formulas their pools have. Far fewer rows are different: met.json counts them."""
 
 POOL_PROCESSES = 12
 """Processes that draw these, for each of two trainings at a time on 32 cores."""

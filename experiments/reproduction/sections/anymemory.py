@@ -11,6 +11,7 @@ from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections.anytask import MODE, own_family, state_of
 from experiments.reproduction.stored import Stored
+from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.registry import named_config
 
 CARRIED = "any-memory-carried"
@@ -84,7 +85,8 @@ def _what_they_are(runs: Mapping[str, Stored]) -> str:
     own = next((met.read(run.path).get("own") for run in runs.values()), None)
     carried = (
         f"carried has as many parameters as gru and goes on with its state through the whole episode, one for each "
-        f"colour, and learns over {MEMORY_SEGMENT} steps from the state that it had at the first of them"
+        f"colour, and learns over {MEMORY_SEGMENT} steps from the state that it had at the first of them, where t2tl "
+        f"and gru learn from pieces of {ContextConfig().segment_length}"
         if CARRIED in runs
         else "it is no policy whose state is carried through the episode, and of such a one nothing was measured"
     )

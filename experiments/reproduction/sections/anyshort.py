@@ -6,20 +6,20 @@ import numpy as np
 
 from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
-from experiments.reproduction.anytask.runs import SOLVED_FORMULAS
 from experiments.reproduction.sections.anytask import SAMPLED, ZONES, figures, over_tasks
 from experiments.reproduction.stored import Stored
 
-OTHER_CODES = {
+PLAYED = {
     "broad-lookahead": "look-ahead",
     "broad-automaton": "automaton",
     "broad-gru": "GRU",
     "broad-rgcn": "R-GCN",
     "broad-transformer": "Transformer",
-    "solved-gru": f"of {SOLVED_FORMULAS / 1e6:g} million formulas GRU",
-    "solved-transformer": "Transformer",
 }
-"""Codes that the README tells of, read by one layer."""
+"""Codes that the README tells of, read by one layer; what is learned of them was learned by playing."""
+
+SOLVED = {"solved-gru": "GRU", "solved-transformer": "Transformer"}
+"""Those that learned by dynamic programming."""
 
 
 def in_short(runs: Mapping[str, Stored]) -> str:
@@ -45,30 +45,35 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     hardware = ", ".join(sorted({name.replace("NVIDIA ", "") for name in run.versions["devices"]}))
     alone = "alone" if run.status.get("alone") else "beside others on its host"
     parts = (
-        "*One agent of the open ZoneEnv reads codes off the table and merges lidars by them.",
-        "Settings were chosen on other formulas, knowing results on these.",
+        "*One agent of the open ZoneEnv, with codes read off the table.",
+        "Settings were chosen on other formulas, knowing these results.",
         f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
         f"(DeepLTL's files: {theirs('DeepLTL')}; GenZ-LTL's, played by us: {theirs('GenZ-LTL')});",
         f"on {weakest}, the weakest of {len(rest)} others: {rates[weakest]:.3f} (GenZ-LTL {genz:.3f});",
         f"on twelve discs in turn: {rates['reach_12']:.2f}.",
         f"{len(run.seeds)} seeds of {run.frames / 1e6:.0f} M frames took {run.train_seconds:.0f} s,",
         f"and {run.compile_seconds:.0f} s to compile, on one {hardware}, {alone}.",
-        f"Lidars gated by a code, z1 to z6/those {len(rest)}:",
-        f"{_of_codes(runs, OTHER_CODES)}.*",
+        f"Lidars gated by a code, % of z1 to z6 / of those {len(rest)}: {_of_codes(runs, PLAYED)};",
+        f"learned by dynamic programming, other seeds: {_of_codes(runs, SOLVED)} {_budgets(runs)}.*",
     )
     return " ".join(parts)
 
 
 def _of_codes(runs: Mapping[str, Stored], codes: Mapping[str, str]) -> str:
-    """What other codes came to on the same formulas, by what they are called, and with which budgets: on z1 to z6, and
-    on harder ones."""
-    said, budgets = [], dict[str, None]()
+    """What other codes came to on the same formulas, by what they are called: on z1 to z6, and on harder ones."""
+    said = []
     for code, label in codes.items():
         run = runs.get(f"any-zones-{code}")
         if run is None:
             continue
         of = figures(run)
         means = [over_tasks(of, tasks, SAMPLED, "success_rate").value for tasks in (suites.ZONE_Z, suites.ZONE_HARD)]
-        said.append(f"{label} {means[0]:.2f}/{means[1]:.2f}")
-        budgets[f"{len(run.seeds)} seeds, {run.frames / 1e6:.0f} M frames"] = None
-    return f"{', '.join(said)} ({' or '.join(budgets)})" if said else "nothing measured yet"
+        said.append(f"{label} {'/'.join('-' if mean is None else f'{100 * mean:.1f}' for mean in means)}")
+    return ", ".join(said) or "nothing measured yet"
+
+
+def _budgets(runs: Mapping[str, Stored]) -> str:
+    """Seeds and frames of the agents with these codes."""
+    there = [runs[name] for code in (PLAYED | SOLVED) if (name := f"any-zones-{code}") in runs]
+    found = dict.fromkeys(f"{len(run.seeds)} seeds, {run.frames / 1e6:.0f} M frames" for run in there)
+    return f"({' or '.join(found)})" if found else ""
