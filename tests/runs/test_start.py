@@ -49,7 +49,8 @@ def test_a_pretrained_encoder_is_put_in(result, pretrained, monkeypatch, tmp_pat
     def load(folder):
         assert str(folder) == ("elsewhere" if pretrained == "elsewhere" else str(tmp_path / "pretraining"))
         encoders = jnp.array([[5.0, 5.0], [3.0, 3.0], [0.0, 0.0]])
-        return SimpleNamespace(params={"best": {"params": {"task_encoder": {"w": encoders}}}}, seeds=(5, 3, 0))
+        best = {"params": {"task_encoder": {"w": encoders}}}
+        return SimpleNamespace(params_of={"best": best}.__getitem__, seeds=(5, 3, 0))
 
     monkeypatch.setattr(start, "load", load)
     begun = start.start_params(result(pretrained))
