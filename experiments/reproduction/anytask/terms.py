@@ -49,7 +49,9 @@ settings had been seen on these very formulas. None of these trials is stored.
   had been seen, the former because the Transformer and the GRU that had learned by playing stayed behind on g1, g2 and
   long. Step sizes of .001 to .005 (Transformer) and of .001 and .003 (GRU) were tried on seeds 100 to 102; how many
   trials, and what they were judged by, is not recorded. The settings of the strict agents are those of the others, and
-  nothing was tried for them.
+  nothing was tried for them. any-letters-strict and any-flat-strict were made twice by the same settings and seeds,
+  since a machine was gone with what was to follow, and are shown as made first; the GRU's pre-training likewise, and is
+  shown as made last, since its agents began with that.
 
 ### Whose the other figures are
 
