@@ -203,7 +203,7 @@ def do_all(
             if not elsewhere:
                 break
             time.sleep(WAIT)
-    return failed + [name for name in open_runs if crowded(name)]
+    return failed + [name for name in open_runs if crowded(name) and not is_known_done(name)]
 
 
 def _failure(

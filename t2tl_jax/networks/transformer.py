@@ -50,9 +50,6 @@ class TransformerConfig(SequenceEncoderConfig):
     """One more layer norm between pooling and the output layer (published code)."""
     t_fixup: bool = False
     """T-Fixup scaling of the initial weights (published code)."""
-    looped: bool = False
-    """Run the layers as a loop, of which XLA compiles one round: the same parameters and numbers, to rounding, and half
-    of T1TL's matrix products to compile. On a CPU it is slower to compile and to run; on a GPU it was not measured."""
 
     @property
     def rows_apart(self) -> bool:
@@ -151,35 +148,13 @@ class TransformerEncoder(nn.Module):
         config = self.config
         if config.positions == "sinusoidal":
             x = x + sinusoidal_positions(x.shape[1], config.width)
-        x = self._looped(x, mask) if self._loops() else self._unrolled(x, mask)
+        for layer in range(config.layers):
+            x = EncoderLayer(config, self.t_fixup_layers or config.layers, name=f"layer_{layer}")(x, mask)
         x = nn.LayerNorm(epsilon=LAYER_NORM_EPSILON, name="final_norm")(x)
         x = jnp.mean(x, axis=1, where=mask[:, :, None] if config.masked else None)
         if config.norm_after_pooling:
             x = nn.LayerNorm(epsilon=LAYER_NORM_EPSILON, name="pooled_norm")(x)
         return jnp.tanh(nn.Dense(config.output, kernel_init=unit_norm(), name="output")(x))
-
-    def _loops(self) -> bool:
-        # What a layer makes while it is initialised, or sows for whoever asked, it leaves under its own name.
-        named = self.is_initializing() or self.is_mutable_collection("intermediates")
-        return self.config.looped and self.config.layers > 1 and not named
-
-    def _unrolled(self, x: jax.Array, mask: jax.Array) -> jax.Array:
-        config = self.config
-        for layer in range(config.layers):
-            x = EncoderLayer(config, self.t_fixup_layers or config.layers, name=f"layer_{layer}")(x, mask)
-        return x
-
-    def _looped(self, x: jax.Array, mask: jax.Array) -> jax.Array:
-        """The same with the same parameters, stacked here: one layer is compiled, whatever their number."""
-        config, params = self.config, self.variables["params"]
-        layer = EncoderLayer(config, self.t_fixup_layers or config.layers, parent=None)
-        each = [params[f"layer_{number}"] for number in range(config.layers)]
-        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
-
-        def one(x: jax.Array, params: dict) -> tuple[jax.Array, None]:
-            return jnp.asarray(layer.apply({"params": params}, x, mask)), None
-
-        return jax.lax.scan(one, x, stacked)[0]
 
 
 class TokenTransformer(nn.Module):

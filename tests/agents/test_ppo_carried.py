@@ -4,11 +4,9 @@ import dataclasses
 
 import chex
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents import ppo
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
@@ -16,11 +14,10 @@ from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.merged import MergedConfig
 from t2tl_jax.networks.roles import RolesConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
-from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.advantages import generalised_advantages
 from tests.agents import sizes
 from tests.agents.test_ppo_merged_context import ColouredCueEnv
+from tests.agents.watched import check_resumed, check_values_after_steps, check_what_acted_is_learned_from, watched
 from tests.parameters import begun_quickly
 from tests.probe import CueEnv, success_by_memory
 
@@ -52,46 +49,21 @@ def make(network=NETWORK, probe=LateCueEnv, tasks=("!Down U Up",), **changes):
     return env, make_ppo(env, dataclasses.replace(PPO, network=network, **changes), EPISODE_LENGTH, ITERATIONS)
 
 
-values = []  # of the learner's last iterations: (value, next_value, ended), each [T, N]
-
-
 @pytest.fixture(scope="module")
 def learner():
-    """Environment, agent, and the agent's functions compiled once for all tests of the default settings."""
-    env, agent = make()
-
-    def spy(reward, value, next_value, terminated, truncated, *constants):
-        jax.debug.callback(lambda *arrays: values.append(arrays), value, next_value, terminated | truncated)
-        return generalised_advantages(reward, value, next_value, terminated, truncated, *constants)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ppo, "generalised_advantages", spy)
-        key, given = jax.eval_shape(jax.random.key, 0), env.make_params(0)
-        iterate = jax.jit(agent.iterate).lower(jax.eval_shape(agent.init, key, given), given).compile()
-    init = jax.jit(agent.init)
-    return env, agent, lambda key: init(key, given), lambda state: iterate(state, given)
+    """That of the default settings."""
+    return watched(*make())
 
 
 def test_the_update_begins_with_the_state_that_acted(learner):
-    """Ratio 1 in every iteration, across the ends of episodes and of rollouts, and nothing is left of an episode."""
-    _, _, init, iterate = learner
-    state = init(jax.random.key(0))
-    for _ in range(3):
-        state, metrics = iterate(state)
-        assert metrics.episodes.successes > 0 and metrics.episodes.timeouts > 0
-        assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
+    def nothing_is_left_of_the_episode_before(state):
         np.testing.assert_array_equal(state.carry.state.any(axis=1), state.episodes.elapsed > 0)
+
+    check_what_acted_is_learned_from(learner, nothing_is_left_of_the_episode_before)
 
 
 def test_the_value_after_a_step_is_that_of_the_state_after_the_step(learner):
-    """Within an episode the next state is valued twice: after the step that led there, and before the next."""
-    _, _, init, iterate = learner
-    jax.block_until_ready(iterate(init(jax.random.key(0))))
-    jax.effects_barrier()
-    value, next_value, ended = map(np.asarray, values[-1])
-    goes_on = ~ended[:-1]
-    np.testing.assert_allclose(next_value[:-1][goes_on], value[1:][goes_on], atol=1e-5)
-    assert np.abs(next_value[:-1] - value[1:])[~goes_on].max() > 1e-3  # another episode's value is another
+    check_values_after_steps(learner)
 
 
 def test_a_cue_of_long_ago_is_learnt_and_only_by_the_state():
@@ -113,15 +85,7 @@ def test_a_cue_of_long_ago_is_learnt_and_only_by_the_state():
 
 
 def test_a_checkpoint_holds_the_states_and_a_resumed_run_goes_on_as_one_that_was_not(learner, tmp_path):
-    _, _, init, iterate = learner
-    state, _ = iterate(init(jax.random.key(0)))
-    with Checkpoints(tmp_path) as checkpoints:
-        checkpoints.save(1, state, {})
-        _, restored = checkpoints.restore(jax.eval_shape(lambda: state))
-    assert restored.carry.state.any()
-    resumed, straight = (iterate(jax.tree.map(jnp.asarray, start))[0] for start in (restored, state))
-    chex.assert_trees_all_equal(resumed.carry, straight.carry)
-    chex.assert_trees_all_equal(resumed.params, straight.params)
+    assert check_resumed(learner, tmp_path).carry.state.any()
 
 
 def test_states_of_objects_act_and_learn_alike_in_seeds_side_by_side():

@@ -2,22 +2,18 @@
 
 import dataclasses
 
-import chex
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from t2tl_jax.agents import ppo
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
-from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training.advantages import generalised_advantages
 from tests.agents import sizes
+from tests.agents.watched import check_resumed, check_values_after_steps, check_what_acted_is_learned_from, watched
 from tests.parameters import begun_quickly
 from tests.probe import CueEnv, success_by_memory
 
@@ -45,47 +41,22 @@ def make(iterations=100, network=NETWORK, **changes):
     return env, make_ppo(env, dataclasses.replace(PPO, network=network), EPISODE_LENGTH, iterations)
 
 
-values = []  # of the learner's last iterations: (value, next_value, ended), each [T, N]
-
-
 @pytest.fixture(scope="module")
 def learner():
-    """Environment, agent, and the agent's functions compiled once for all tests of the default settings."""
-    env, agent = make()
-
-    def spy(reward, value, next_value, terminated, truncated, *constants):
-        jax.debug.callback(lambda *arrays: values.append(arrays), value, next_value, terminated | truncated)
-        return generalised_advantages(reward, value, next_value, terminated, truncated, *constants)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ppo, "generalised_advantages", spy)
-        key, given = jax.eval_shape(jax.random.key, 0), env.make_params(0)
-        iterate = jax.jit(agent.iterate).lower(jax.eval_shape(agent.init, key, given), given).compile()
-    init = jax.jit(agent.init)
-    return env, agent, lambda key: init(key, given), lambda state: iterate(state, given)
+    """That of the default settings."""
+    return watched(*make())
 
 
 def test_the_update_sees_the_window_that_acted(learner):
-    """Ratio 1 in every iteration, across the ends of episodes and of rollouts; windows fit their episodes."""
-    _, _, init, iterate = learner
-    state = init(jax.random.key(0))
-    for _ in range(3):
-        state, metrics = iterate(state)
-        assert metrics.episodes.successes > 0 and metrics.episodes.timeouts > 0
-        assert abs(metrics.scalars["kl"]) < 1e-6 and metrics.scalars["clip_fraction"] == 0
-        age = np.minimum(state.episodes.elapsed, CONTEXT.length)  # nothing is left of the episode before
+    def nothing_is_left_of_the_episode_before(state):
+        age = np.minimum(state.episodes.elapsed, CONTEXT.length)
         np.testing.assert_array_equal(state.carry.valid.sum(axis=1), age)
+
+    check_what_acted_is_learned_from(learner, nothing_is_left_of_the_episode_before)
 
 
 def test_the_value_after_a_step_is_that_of_the_window_after_the_step(learner):
-    """Within an episode the next state is valued twice: after the step that led there, and before the next."""
-    _, _, init, iterate = learner
-    jax.block_until_ready(iterate(init(jax.random.key(0))))
-    jax.effects_barrier()
-    value, next_value, ended = map(np.asarray, values[-1])
-    goes_on = ~ended[:-1]
-    np.testing.assert_allclose(next_value[:-1][goes_on], value[1:][goes_on], atol=1e-5)
-    assert np.abs(next_value[:-1] - value[1:])[~goes_on].max() > 1e-3  # another episode's value is another
+    check_values_after_steps(learner)
 
 
 def test_a_gru_reads_the_window_that_acted():
@@ -111,25 +82,16 @@ def test_published_windows_run_on_and_belong_to_other_samples(aligned):
 
 
 def test_a_task_that_needs_memory_is_learnt_and_evaluation_remembers_too(learner):
-    env, agent, init, iterate = learner
-    state = init(jax.random.key(0))
+    state = learner.init(jax.random.key(0))
     for _ in range(100):
-        state, metrics = iterate(state)
+        state, metrics = learner.iterate(state)
     assert metrics.episodes.successes >= 0.95 * metrics.episodes.episodes
 
-    success = success_by_memory(env, agent, EPISODE_LENGTH)
+    success = success_by_memory(learner.env, learner.agent, EPISODE_LENGTH)
     assert success(state.params, True) >= 0.98
     assert success(state.params, False) < 0.7
 
 
 def test_a_checkpoint_holds_the_windows(learner, tmp_path):
-    _, _, init, iterate = learner
-    state, _ = iterate(init(jax.random.key(0)))
-    with Checkpoints(tmp_path) as checkpoints:
-        checkpoints.save(1, state, {})
-        _, restored = checkpoints.restore(jax.eval_shape(lambda: state))
-    assert restored.carry.valid.any() and not restored.carry.valid.all()
-    chex.assert_trees_all_equal(restored.carry, state.carry)
-    resumed, straight = (iterate(jax.tree.map(jnp.asarray, start))[0] for start in (restored, state))
-    chex.assert_trees_all_equal(resumed.carry, straight.carry)
-    chex.assert_trees_all_equal(resumed.params, straight.params)
+    valid = check_resumed(learner, tmp_path).carry.valid
+    assert valid.any() and not valid.all()

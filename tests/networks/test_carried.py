@@ -10,31 +10,21 @@ import numpy as np
 import pytest
 
 from t2tl_jax.ltl import compile_tasks
-from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
+from t2tl_jax.networks.actor_critic import ActorCritic
 from t2tl_jax.networks.context import Carried, ContextConfig, Segment
 from t2tl_jax.networks.gated import GatedConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.merged import MergedConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
-from t2tl_jax.networks.roles import RolesConfig
 from t2tl_jax.networks.state_encoders import FlatConfig
-from t2tl_jax.objects import Objects
 from t2tl_jax.training.types import repeated
+from tests.agents.test_ppo_merged_context import COLOURS, LIDARS, OBSERVATION, READINGS
+from tests.agents.test_ppo_merged_context import NETWORK as MERGED
 from tests.parameters import parameters
 
-COLOURS, READINGS = 3, 2
-OBSERVATION = 1 + COLOURS * READINGS
-LIDARS = Objects.blocks(range(1, OBSERVATION, READINGS), READINGS, range(COLOURS))
 SEGMENTS, STEPS, BEFORE = 3, 5, 4
 CONTEXT = ContextConfig(carried=True, reader=GRUConfig(width=8, output=4), segment_length=STEPS)
-NETWORK = NetworkConfig(
-    task_encoder=RolesConfig(propositions=COLOURS),
-    state=MergedConfig(),
-    env_layers=(8,),
-    actor_layers=(),
-    critic_layers=(),
-    context=CONTEXT,
-)
+NETWORK = dataclasses.replace(MERGED, context=CONTEXT)
 STATES = {"merged": MergedConfig(), "flat": FlatConfig()}
 
 

@@ -14,7 +14,6 @@ from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
 from t2tl_jax.networks.task_encoders import TransformerTaskEncoder, attention_weights
 from t2tl_jax.networks.transformer import TokenTransformer, TransformerConfig, short_attention, sinusoidal_positions
-from tests.operations import operations
 from tests.parameters import parameters
 
 PUBLISHED = TransformerConfig(norm="post", positions="none", masked=False, norm_after_pooling=True, t_fixup=True)
@@ -116,58 +115,3 @@ def test_attention_weights_are_distributions_over_real_tokens():
     np.testing.assert_allclose(weights.sum(-1), 1.0, atol=1e-5)
     padding = ~np.asarray(table.mask)[None, :, None, None, :]
     assert np.abs(np.where(padding, weights, 0.0)).max() == 0.0
-
-
-def in_both_forms(made, config: TransformerConfig):
-    """What `made` makes of a configuration with its layers one after another, and with a loop over them."""
-    return [made(replace(config, looped=looped)) for looped in (False, True)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("length", [7, 14], ids=["short", "long"])
-@pytest.mark.parametrize("config", [TransformerConfig(), PUBLISHED], ids=["corrected", "published"])
-def test_a_loop_over_layers_is_the_layers(config, length):
-    """Values and gradients of every parameter, for two seeds at once."""
-    tokens = np.random.default_rng(0).integers(1, 22, (4, length))
-    mask = np.arange(length) < np.array([[length], [3], [1], [5]])
-
-    def found(config):
-        model = TokenTransformer(replace(config, layers=3, width=16, heads=2, feed_forward=32), 22)
-        of_seeds = [parameters(model, tokens, mask, seed=seed) for seed in (0, 1)]
-
-        def loss(params):
-            return jnp.sin(3.0 * model.apply(params, tokens, mask)).sum()
-
-        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *of_seeds)
-        return jax.jit(jax.vmap(jax.value_and_grad(loss)))(stacked)
-
-    unrolled, loop = in_both_forms(found, config)
-    chex.assert_trees_all_close(loop, unrolled, rtol=1e-4, atol=1e-5)
-
-
-def test_a_loop_over_layers_makes_one_layers_matrix_products():
-    """However many layers there are; without the loop each brings its own, forward and backward."""
-
-    def products(config):
-        model = TokenTransformer(config, 22)
-        tokens = jnp.ones((2, 5), int)
-        params = jax.eval_shape(lambda: model.init(jax.random.key(0), tokens, tokens > 0))
-        loss = jax.grad(lambda params: model.apply(params, tokens, tokens > 0).sum())
-        return operations(loss, params)["dot_general"]
-
-    two, loop_of_two = in_both_forms(products, replace(CORRECTED, layers=2))
-    four, loop_of_four = in_both_forms(products, replace(CORRECTED, layers=4))
-    assert loop_of_two == loop_of_four < two < four
-
-
-def test_what_is_initialised_or_sown_is_the_same_with_a_loop():
-    """Parameters by name and number, and the attention of every layer."""
-    table = compile_tasks([PHI_ZONE], PROPOSITIONS, "at_most_one")
-
-    def found(config):
-        model = TransformerTaskEncoder(config)
-        params = jax.jit(model.init)(jax.random.key(0), table)
-        return params, jax.jit(partial(attention_weights, model))(params["params"], table)
-
-    unrolled, loop = in_both_forms(found, replace(CORRECTED, width=16, heads=2, feed_forward=32))
-    chex.assert_trees_all_equal(loop, unrolled)
