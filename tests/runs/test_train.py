@@ -55,24 +55,22 @@ def run(tmp_path_factory):
 
 
 def test_metrics_are_arrays_by_name(run):
-    result = run
-    assert set(FIXED_COLUMNS) - {"iteration", "seed"} <= result.metrics.keys()
-    assert {"policy_loss", "value_loss", "entropy"} <= result.metrics.keys()
-    for values in result.metrics.values():
+    assert set(FIXED_COLUMNS) - {"iteration", "seed"} <= run.metrics.keys()
+    assert {"policy_loss", "value_loss", "entropy"} <= run.metrics.keys()
+    for values in run.metrics.values():
         assert values.shape == (2, 3) and values.dtype == np.float64
-    np.testing.assert_array_equal(result.metrics["frames"], [[FRAMES, 2 * FRAMES, 3 * FRAMES]] * 2)
-    assert result.seeds == (3, 8) and result.iteration == 3 and result.ended == "complete"
-    assert result.success_since == {3: None, 8: None}
-    assert all(leaf.shape[0] == 2 for leaf in jax.tree.leaves(result.params))
+    np.testing.assert_array_equal(run.metrics["frames"], [[FRAMES, 2 * FRAMES, 3 * FRAMES]] * 2)
+    assert run.seeds == (3, 8) and run.iteration == 3 and run.ended == "complete"
+    assert run.success_since == {3: None, 8: None}
+    assert all(leaf.shape[0] == 2 for leaf in jax.tree.leaves(run.params))
 
 
 def test_a_policy_is_the_agents_own(run):
-    result = run
-    agent, table = result.experiment.agent, result.experiment.table
-    for index, seed in enumerate(result.seeds):
-        params = jax.tree.map(lambda leaf, index=index: leaf[index], result.params["final"])
+    agent, table = run.experiment.agent, run.experiment.table
+    for index, seed in enumerate(run.seeds):
+        params = jax.tree.map(lambda leaf, index=index: leaf[index], run.params["final"])
         obs, rows, key = jnp.ones((4, 3)), jnp.array([2, 3, 2, 3]), jax.random.key(5)
-        policy, embedding = result.policy(seed), agent.embed(params, table)
+        policy, embedding = run.policy(seed), agent.embed(params, table)
         for chosen, deterministic in ((policy(obs, rows), True), (policy(obs, rows, key=key), False)):
             expected = agent.act(params, embedding, (), obs, rows, key, deterministic)
             np.testing.assert_allclose(chosen, expected, atol=1e-6)
@@ -109,9 +107,8 @@ def test_a_task_that_the_network_cannot_read_is_refused(run):
 
 @pytest.mark.slow
 def test_evaluation_of_result_and_folder_agree(run):
-    result = run
-    reports = result.evaluate(task="F Down", episodes=6)
-    again = t2tl_jax.evaluate(t2tl_jax.load(result.folder, env=ProbeEnv()), task="F Down", episodes=6)
+    reports = run.evaluate(task="F Down", episodes=6)
+    again = t2tl_jax.evaluate(t2tl_jax.load(run.folder, env=ProbeEnv()), task="F Down", episodes=6)
     assert reports == again and set(reports) == {"deterministic", "sampled"}
     assert [one.seed for one in reports["sampled"].seeds] == [3, 8]
     assert reports["sampled"].seeds[0].success_rate.count == 6
@@ -137,18 +134,17 @@ def test_a_configuration_does_not_hold_an_environment_object(run):
 
 
 def test_load_gives_the_same_result(run):
-    result = run
-    loaded = t2tl_jax.load(result.folder, env=ProbeEnv())
-    assert loaded.config == result.config and loaded.seeds == result.seeds
+    loaded = t2tl_jax.load(run.folder, env=ProbeEnv())
+    assert loaded.config == run.config and loaded.seeds == run.seeds
     assert (loaded.iteration, loaded.ended) == (
-        result.iteration,
-        result.ended,
-    ) and loaded.success_since == result.success_since
-    jax.tree.map(np.testing.assert_array_equal, loaded.params, result.params)
-    assert loaded.metrics.keys() == result.metrics.keys()
-    for name, values in result.metrics.items():  # the file keeps nine digits
+        run.iteration,
+        run.ended,
+    ) and loaded.success_since == run.success_since
+    jax.tree.map(np.testing.assert_array_equal, loaded.params, run.params)
+    assert loaded.metrics.keys() == run.metrics.keys()
+    for name, values in run.metrics.items():  # the file keeps nine digits
         np.testing.assert_allclose(loaded.metrics[name], values, rtol=1e-8, err_msg=name)
-    np.testing.assert_array_equal(loaded.policy(8)(jnp.ones(3), 2), result.policy(8)(jnp.ones(3), 2))
+    np.testing.assert_array_equal(loaded.policy(8)(jnp.ones(3), 2), run.policy(8)(jnp.ones(3), 2))
 
 
 def test_a_given_environment_is_to_be_given_again(run):
