@@ -182,7 +182,11 @@ def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[A
     optional ones, by default, of which a flag sets a field.
 
     tyro offers the fields of the part that is there, or None where there is none, but no way from one to the other.
-    Also returns the other arguments. Nothing is checked: a part may fit only together with what other flags change.
+    Also returns the other arguments. What parts hold is not checked: one may fit only together with what other flags
+    change.
+
+    Raises:
+        UserError: for a part that is left out and of which a field is set.
     """
     changes: dict[str, Any] = {}
     hints = typing.get_type_hints(type(config))
@@ -201,6 +205,8 @@ def with_parts(config: Any, arguments: list[str], prefix: str = "--") -> tuple[A
             value, arguments = REGISTRIES[hints[field.name]].config_class(word)(), without(arguments, place)
         elif word == "None" and type(None) in get_args(hints[field.name]):
             changes[field.name], arguments = None, without(arguments, place)
+            if _has_fields_of(arguments, flag):
+                raise UserError(f"{flag} None leaves out a part of which {flag}.FIELD sets a field: drop one of them")
             continue
         changes[field.name], arguments = with_parts(value, arguments, flag + ".")
     changed = copy.copy(config)

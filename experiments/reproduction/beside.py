@@ -137,7 +137,8 @@ def parallel(results: Path) -> str:
     note = f"""
         32 environments and one gradient step after each of their steps: more steps and less time than the authors'
         form, {run.train_seconds:.0f} s of training for {len(run.seeds)} maps and {run.frames:,} steps each. The score
-        is normalised by the best of this run and of the authors'."""
+        is normalised by the best of this run and of the authors'. On which maps its learning rate was chosen is not
+        recorded."""
     return "\n\n".join((paragraph(note), benchmark(runs), made_by([run])))
 
 

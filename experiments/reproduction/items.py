@@ -11,6 +11,7 @@ from experiments.reproduction.sections import (
     figures,
     safe,
     search,
+    settings,
     steps,
     unit_time,
     water_form,
@@ -63,7 +64,7 @@ PAPER_ITEMS: dict[str, Item] = {
         figures.water_figure,
     ),
     "search": Item(
-        figures.SEARCH_TITLE,
+        settings.SEARCH_TITLE,
         search.planned(),
         search.search,
         smoke=("search-zone-dfa_number-high",),

@@ -24,7 +24,9 @@ where everything is fixed, as in all items here, it has one episode a seed. Curv
 counts with what it came to. Brackets are 95 % intervals: Student's t over seeds for means, Wilson for shares;
 differences are Welch's, or paired where seed k has the same map in both runs, and corrected for the number of
 comparisons of a table, be all of its runs there or not (Bonferroni). p is that of a two-sided permutation test, by
-Holm's correction; outcomes go by the interval alone, so that the two can differ near the edge.
+Holm's correction; outcomes go by the interval alone, so that the two can differ near the edge. Interquartile means
+have bootstrap intervals (BCa), which with a dozen seeds cover somewhat less than 95 %.
+Where a table says that it is of episodes without discount, it is not that return.
 Seconds are upper bounds, of runs that shared a GPU with different others and were not all made by one commit: they do
 not compare methods. An encoder goes on from the best parameters of its pre-training, which a seed may have lost again
 by its end.

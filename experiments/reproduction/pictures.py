@@ -88,9 +88,9 @@ def pictures(paper: Mapping[str, Stored], short: Mapping[str, Stored]) -> dict[s
         ),
         "fig-water": Picture(
             "phi_water_curves.png",
-            f"Return of the last 500 training episodes on phi_water. {published}",
+            f"Return without discount of the last 500 training episodes on phi_water. {published}",
             (*_by_episode(water), *_published_water()),
-            *("episodes per seed", "return of the last 500 episodes"),
+            *("episodes per seed", "undiscounted return of the last 500 episodes"),
         ),
         "short": Picture(
             "zone_short_curves.png",

@@ -12,6 +12,11 @@ from t2tl_jax.evaluation.statistics import interquartile_mean
 
 Curve = tuple[Sequence[float], Sequence[float]]
 
+MEAN_AT_EPISODES = "mean undiscounted return at these episodes"
+"""What curves by episode are compared by."""
+
+BY_EPISODE = "Return without discount (success 1, violation -1, neither 0) of the last 500 training episodes:"
+
 SPAN = 250_000
 """Frames over which a curve is averaged for a mark."""
 
@@ -83,7 +88,7 @@ def curves_by_episode(
     marks: Sequence[int],
     published: Mapping[str, Sequence[float]],
 ) -> str:
-    """Return without discount of the last 500 episodes at each mark, and the published value there."""
+    """Return without discount of the last 500 episodes at each mark, which is said, and the published value there."""
     shown = {name: run for name, run in runs.items() if name in labels}
     values = {name: returns_at(run, marks) for name, run in shown.items()}
     heading = ["episode", *(labels[name] for name in shown), *(f"{name}, published" for name in published)]
@@ -95,7 +100,7 @@ def curves_by_episode(
         ]
         for k, mark in enumerate(marks)
     ]
-    return table(heading, rows)
+    return f"{BY_EPISODE}\n\n{table(heading, rows)}"
 
 
 def returns_at(run: Stored, marks: Sequence[int]) -> np.ndarray:

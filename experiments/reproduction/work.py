@@ -233,9 +233,11 @@ def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Dead
         else:
             result = train.train(config, pretrained=before, folder=folder, callbacks=callbacks, stop=stop)
         if result.ended in ENDS and run.evaluated:
-            stop.call(lambda: _evaluate(result, _limits(run, scale)), "while evaluating")
+            stop.call(lambda: _evaluate(result, _limits(run, scale), deadline), "while evaluating")
     except Interrupted as when:
         return f"stopped {when}"
+    if result.ended in ENDS and deadline.passed and not is_done(run, scale, folder):
+        return OUT_OF_TIME
     if result.ended in ENDS and run.read:
         episodes = str(config.run.evaluation_episodes)
         if code := attention.main([str(folder), "--all-seeds", "True", "--episodes", episodes]):
@@ -265,11 +267,14 @@ def _limits(run: Run, scale: Scale) -> list[int]:
     return sorted({scale.apply(run).episode_length, *(run.limits if scale.name == "full" else ())})
 
 
-def _evaluate(result: Result, limits: Sequence[int]) -> None:
-    """Play the final and the best parameters within every time limit, and store what came of it."""
+def _evaluate(result: Result, limits: Sequence[int], deadline: Deadline) -> None:
+    """Play the final and the best parameters within every time limit, as far as time allows, and store what came of
+    it."""
     assert result.folder is not None
     files, config = RunFolder(result.folder), result.config
     for limit in limits:
+        if deadline.passed:
+            return
         experiment = result.experiment.with_config(replace(config, episode_length=limit))
         reports = evaluations.evaluate_policies(experiment, result.params, config.run.evaluation_episodes, limit)
         for which, report in reports.items():

@@ -77,6 +77,11 @@ class ContextConfig:
                 "carried=True needs a reader with a state, network.context.reader=gru, got a reader of "
                 f"{type(self.reader).__name__}"
             )
+        if self.carried and self.length != ContextConfig.length:
+            raise ValueError(
+                f"a state that is carried has no window, so that its length={self.length} would mean nothing: leave "
+                f"it at {ContextConfig.length}, or use carried=False"
+            )
         if self.carried and self.segment_length < 2:
             raise ValueError(
                 "a carried state is learned over the steps of a segment, and the first of them reads the state that "

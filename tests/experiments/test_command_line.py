@@ -64,6 +64,8 @@ def test_a_part_can_be_changed_or_left_out():
         command_line.override(ZONE, ["--learner", "None"])  # not an optional part
     with pytest.raises(UserError, match="unknown task encoder 'None'"):
         command_line.override(ZONE, ["--learner.network.task-encoder", "None"])
+    with pytest.raises(UserError, match=r"None leaves out a part of which --learner\.network\.context\.FIELD sets"):
+        command_line.override(ZONE, ["--learner.network.context", "None", "--learner.network.context.length", "3"])
 
 
 def test_a_part_that_is_not_there_is_put_in_by_its_fields():

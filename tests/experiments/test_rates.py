@@ -11,7 +11,7 @@ from experiments import reproduce
 from experiments.reproduction import claims, rates, stored
 from experiments.reproduction.plan import Scale
 from experiments.reproduction.runs import SEARCH_METHODS, ZONE_SEARCH_FRAMES, all_runs
-from experiments.reproduction.sections import figures, search
+from experiments.reproduction.sections import figures, search, settings
 from t2tl_jax.errors import UserError
 from t2tl_jax.registry import make_env
 from t2tl_jax.runs import config_files, pretraining
@@ -186,18 +186,18 @@ def test_the_claims_are_judged_again_with_each_method_at_its_best(tmp_path, foun
 
 def test_the_figures_say_what_was_searched_for(found):
     found({})
-    assert figures.searched("zone") == figures.searched("water") == figures.SEARCHED
+    assert settings.searched("zone") == settings.searched("water") == settings.SEARCHED
     found({"zone": {"gnn": "high", "dfa": "low"}})
-    said = " ".join(figures.searched("zone").split())
+    said = " ".join(settings.searched("zone").split())
     assert "another one than the shared is best for gnn (three times it), dfa (a third of it)" in said
     assert (
         "judged again with each method's best. Other" in said
         and "on seeds 100-103" in said
-        and f"#{figures.SEARCH_ANCHOR}" in said
+        and f"#{settings.SEARCH_ANCHOR}" in said
     )
-    assert figures.searched("water") == figures.SEARCHED
+    assert settings.searched("water") == settings.SEARCHED
     found({"zone": {}, "water": {}})
-    said = " ".join(figures.searched("water").split())
+    said = " ".join(settings.searched("water").split())
     assert "the shared one is best for every method. Other settings" in said and "judged again" not in said
 
 

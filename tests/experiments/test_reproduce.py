@@ -128,6 +128,20 @@ def test_a_run_that_may_lack_memory_has_failed_where_there_is_no_time_to_do_it_a
     assert work.do_all(runs, ["a"], Scale("full", "1"), tmp_path, deadline, NeverStop(), print) == ["a"]
 
 
+@pytest.mark.parametrize("minutes", [1.0, -1.0])
+def test_nothing_is_evaluated_once_the_time_is_up(runs, tmp_path, monkeypatch, minutes):
+    run, played = runs["steps-4-1-rm"], []
+    trained = SimpleNamespace(ended="complete", folder=tmp_path, config=run.config, params=None, iteration=1)
+    trained.experiment = SimpleNamespace(with_config=lambda config: None)
+    monkeypatch.setattr(work.train, "train", lambda *_, **__: trained)
+    monkeypatch.setattr(work, "is_done", lambda *_: bool(played))
+    monkeypatch.setattr(
+        work.evaluations, "evaluate_policies", lambda experiment, params, episodes, limit: played.append(limit) or {}
+    )
+    ended = work.do(run, Scale("full", "1"), tmp_path, None, work.Deadline(minutes), NeverStop())
+    assert (ended, played) == (("complete", [600, 1000]) if minutes > 0 else (work.OUT_OF_TIME, []))
+
+
 def test_a_wish_to_stop_is_heard_between_runs(tmp_path):
     done, stop = [], SimpleNamespace(requested=False)
     first = fake("a", done)

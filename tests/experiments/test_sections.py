@@ -1,6 +1,8 @@
 """The sections of the results, from runs that nobody trained: figures by hand, outcomes, and what is missing."""
 
+import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +10,19 @@ import pytest
 from experiments.paper import published_attention, published_water, published_widths, step_tables
 from experiments.reproduction import below, cells, claims, measures, representations
 from experiments.reproduction.items import ITEMS
-from experiments.reproduction.sections import ablation, attention, benchmark, figures, safe, steps, unit_time, widths
+from experiments.reproduction.sections import (
+    ablation,
+    attention,
+    benchmark,
+    figures,
+    safe,
+    settings,
+    steps,
+    unit_time,
+    widths,
+)
 from experiments.reproduction.work import READING
+from t2tl_jax.registry import named_config
 from tests.made_up_runs import played, pretrained, reading, rows
 
 SEEDS = (0, 1, 2, 3)
@@ -121,7 +134,7 @@ def test_claims_of_the_figures_are_orders_of_the_published_curves():
         first, second = (figures.ZONE_PUBLISHED[name][1] for name in (better, worse))
         assert first[-1] > second[-1] and np.mean(first) > np.mean(second)
     for better, worse in figures.WATER_CLAIMS:
-        first, second = (published_water.PHI_WATER[figures.WATER_PUBLISHED[name]] for name in (better, worse))
+        first, second = (figures.WATER_PUBLISHED[name] for name in (better, worse))
         assert np.mean(first) > np.mean(second), (better, worse)
 
 
@@ -265,7 +278,7 @@ def test_paid_episodes_are_compared_with_the_published_share(make):
     text = benchmark.rewarded({"rm-single-crm-slow": new, "rm-single-ql": old})
     own = rows(text)["rm-single-crm-slow"]
     assert own[2].startswith("0.000") and own[3].startswith("0.500") and "rm-single-ql" not in rows(text)
-    assert f"{below.OUTSIDE}: rm-single-crm-slow after 200,000, 400,000, 1,000,000, 2,000,000 steps." in text
+    assert f"{below.OUTSIDE}: rm-single-crm-slow after 200,000 to 2,000,000 steps." in text
     assert "rm-single-crm-slow: 0.40, 0.50, 0.50, 0.60." in text
     assert text.endswith(benchmark.UNKNOWN.format("rm-single-ql"))
 
@@ -285,7 +298,7 @@ def test_the_benchmark_judges_counterfactual_learning_by_map(make):
     some = {seed: np.full(len(published_water.STEPS), 0.3 + off) for seed, off in enumerate((-0.05, 0.05, -0.05, 0.05))}
     within, outside = benchmark.behind({"rm-ql": some, "rm-other": some}).splitlines()
     assert within == f"{below.WITHIN}: rm-ql after 400,000 steps."  # 0.3 [0.21, 0.39] beside 0.33
-    assert outside.startswith(f"{below.OUTSIDE}: rm-ql after 600,000, ") and "other" not in outside
+    assert outside.startswith(f"{below.OUTSIDE}: rm-ql after 600,000 to ") and "other" not in outside
     runs["rm-single-ql"] = make("rm-single-ql")
     text = benchmark.benchmark(runs)
     assert rows(text)["ql, published"] == ["0.378", "0.877", "0.975", "0.986", "0.984"] and "not claimed" not in text
@@ -340,3 +353,28 @@ def test_every_section_works_with_any_single_run(make):
                 (made[one].path / READING).write_text(json.dumps(reading(star, 0.5, 0.5, 2)))
             assert isinstance(item.section({one: made[one]}), str)
         assert not own or item.section({one: made[one] for one in own})
+
+
+def test_marks_that_follow_one_another_are_told_as_a_range():
+    values = np.tile([0.0, 0.0, 0.0, 9.0, 0.0, 0.0], (4, 1)) + np.array([[0.1], [-0.1], [0.2], [-0.2]])
+    found = below.marks(values, [1, 2, 3, 4, 5, 6000], [1.0] * 6)
+    assert found == {below.WITHIN: [], below.OUTSIDE: ["1 to 3", "5", "6,000"]}
+
+
+def test_compared_runs_that_differ_in_several_settings_say_which():
+    shared = named_config("zone_ppo")
+    slower = dataclasses.replace(shared.learner, epochs=9, discount=0.5)
+    configs = {
+        "base": shared,
+        "one": dataclasses.replace(shared, random_starts=0.5),
+        "two": dataclasses.replace(shared, learner=slower, seeds="3"),
+        "fresh": dataclasses.replace(shared, pretrained="", learner=slower),
+    }
+    runs = {name: SimpleNamespace(config=config) for name, config in configs.items()}
+    pairs = [("base", "one"), ("base", "two"), ("two", "fresh"), ("base", "fresh"), ("base", "missing")]
+    text = settings.settings(runs, pairs)
+    epochs, discount = shared.learner.epochs, shared.learner.discount
+    first = f"- base, two: `learner.discount` {discount}, 0.5; `learner.epochs` {epochs}, 9."
+    assert text.splitlines()[:3] == [settings.MANY, "", first]
+    assert text.splitlines()[3].startswith("- base, fresh: ") and "`pretrained` auto:own, no" in text
+    assert len(text.splitlines()) == 4 and settings.settings(runs, [("base", "one")]) == ""

@@ -149,6 +149,10 @@ def test_the_parameters_are_those_of_a_gru_over_windows():
     [
         (lambda: ContextConfig(carried=True), "network.context.reader=gru, got a reader of TransformerConfig"),
         (
+            lambda: dataclasses.replace(CONTEXT, length=9),
+            "its length=9 would mean nothing: leave it at 8",
+        ),
+        (
             lambda: dataclasses.replace(CONTEXT, segment_length=1),
             "carried=True needs segment_length=2 or more, got segment_length=1",
         ),

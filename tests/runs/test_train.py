@@ -12,7 +12,6 @@ import pytest
 
 import t2tl_jax
 from t2tl_jax import (
-    Callback,
     Config,
     ContextConfig,
     NetworkConfig,
@@ -26,6 +25,7 @@ from t2tl_jax.runs.config import RunConfig, SelectionConfig
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
 from t2tl_jax.runs.result import Result
+from tests.diary import Diary, run_fake
 from tests.fake_agent import FakeConfig, FakeNetwork
 from tests.probe import ProbeEnv
 
@@ -38,35 +38,6 @@ PPO = PPOConfig(network=NETWORK, num_envs=8, unroll_length=16, epochs=1, minibat
 FRAMES = PPO.frames_per_iteration
 
 
-class Diary(Callback):
-    """Writes down what is called, with what."""
-
-    def __init__(self, stop_at: int = 0) -> None:
-        self.entries: list[tuple] = []
-        self._stop_at = stop_at
-
-    def on_plan(self, progress):
-        self.entries.append(("plan", progress.iterations, progress.frames_per_iteration, progress.seeds))
-
-    def on_start(self, progress):
-        assert progress.compile_seconds > 0 and progress.compile_wait_seconds > 0
-        self.entries.append(("start", progress.done))
-
-    def on_iteration(self, progress, rows):
-        assert [row["seed"] for row in rows] == list(progress.seeds)
-        assert {row["iteration"] for row in rows} == {progress.done}
-        assert {row["frames"] for row in rows} == {progress.done * progress.frames_per_iteration}
-        self.entries.append(("iteration", progress.done))
-        if progress.done == self._stop_at:
-            progress.stop = "enough"
-
-    def on_checkpoint(self, progress):
-        self.entries.append(("checkpoint", progress.done))
-
-    def on_end(self, progress):
-        self.entries.append(("end", progress.done, progress.stop))
-
-
 def run_it(**changes):
     """A short training of two seeds on an environment object."""
     return t2tl_jax.train(
@@ -74,54 +45,39 @@ def run_it(**changes):
     )
 
 
-def run_fake(callbacks=(), **changes):
-    """As many iterations of a learner that compiles in an instant, for what does not depend on the learner."""
-    nothing = SelectionConfig(points=0)  # its actions are not those of the environment
-    return t2tl_jax.train(
-        ProbeEnv(),
-        TASK,
-        FakeConfig(),
-        callbacks=callbacks,
-        **{"seeds": 2, "frames": 300, "selection": nothing, **changes},
-    )
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """That training, kept in a folder, with the diary of it."""
-    diary = Diary()
-    return run_it(folder=tmp_path_factory.mktemp("run"), callbacks=[diary]), diary
+    """That training, kept in a folder."""
+    return run_it(folder=tmp_path_factory.mktemp("run"))
 
 
 # ----- what comes back -----
 
 
 def test_metrics_are_arrays_by_name(run):
-    result, _ = run
-    assert set(FIXED_COLUMNS) - {"iteration", "seed"} <= result.metrics.keys()
-    assert {"policy_loss", "value_loss", "entropy"} <= result.metrics.keys()
-    for values in result.metrics.values():
+    assert set(FIXED_COLUMNS) - {"iteration", "seed"} <= run.metrics.keys()
+    assert {"policy_loss", "value_loss", "entropy"} <= run.metrics.keys()
+    for values in run.metrics.values():
         assert values.shape == (2, 3) and values.dtype == np.float64
-    np.testing.assert_array_equal(result.metrics["frames"], [[FRAMES, 2 * FRAMES, 3 * FRAMES]] * 2)
-    assert result.seeds == (3, 8) and result.iteration == 3 and result.ended == "complete"
-    assert result.success_since == {3: None, 8: None}
-    assert all(leaf.shape[0] == 2 for leaf in jax.tree.leaves(result.params))
+    np.testing.assert_array_equal(run.metrics["frames"], [[FRAMES, 2 * FRAMES, 3 * FRAMES]] * 2)
+    assert run.seeds == (3, 8) and run.iteration == 3 and run.ended == "complete"
+    assert run.success_since == {3: None, 8: None}
+    assert all(leaf.shape[0] == 2 for leaf in jax.tree.leaves(run.params))
 
 
 def test_a_policy_is_the_agents_own(run):
-    result, _ = run
-    agent, table = result.experiment.agent, result.experiment.table
-    for index, seed in enumerate(result.seeds):
-        params = jax.tree.map(lambda leaf, index=index: leaf[index], result.params["final"])
+    agent, table = run.experiment.agent, run.experiment.table
+    for index, seed in enumerate(run.seeds):
+        params = jax.tree.map(lambda leaf, index=index: leaf[index], run.params["final"])
         obs, rows, key = jnp.ones((4, 3)), jnp.array([2, 3, 2, 3]), jax.random.key(5)
-        policy, embedding = result.policy(seed), agent.embed(params, table)
+        policy, embedding = run.policy(seed), agent.embed(params, table)
         for chosen, deterministic in ((policy(obs, rows), True), (policy(obs, rows, key=key), False)):
             expected = agent.act(params, embedding, (), obs, rows, key, deterministic)
             np.testing.assert_allclose(chosen, expected, atol=1e-6)
 
 
 def test_policies_go_through_jit_and_vmap(run):
-    policy = run[0].policy(8)
+    policy = run.policy(8)
     obs, rows = jnp.linspace(-1, 1, 12).reshape(4, 3), jnp.array([2, 3, 3, 2])
     together = policy(obs, rows)
     jitted = jax.jit(lambda policy, obs, rows: policy(obs, rows))(policy, obs, rows)
@@ -132,28 +88,27 @@ def test_policies_go_through_jit_and_vmap(run):
 
 
 def test_a_policy_takes_a_formula(run):
-    policy = run[0].policy()
+    policy = run.policy()
     np.testing.assert_array_equal(policy(jnp.ones(3), TASK), policy(jnp.ones(3), policy.row(TASK)))
     assert policy.row("F Down") == policy.row("F(Down)") != policy.row(TASK)
     with pytest.raises(UserError, match=r"no row of this policy's table; its rows: .*F Down.*run.policy\(seed, task="):
         policy(jnp.ones(3), "F Up")
-    assert run[0].policy(3, task="F Up").row("F Up") == 2
+    assert run.policy(3, task="F Up").row("F Up") == 2
     with pytest.raises(UserError, match="no seed 4; its seeds: 3, 8"):
-        run[0].policy(4)
+        run.policy(4)
 
 
 def test_a_task_that_the_network_cannot_read_is_refused(run):
     with pytest.raises(UserError, match=r"(?s)cannot read .*choose a task within them"):
-        run[0].policy(task="F(Up & F(Down & F Up))")
+        run.policy(task="F(Up & F(Down & F Up))")
     with pytest.raises(UserError, match="Sideways"):
-        run[0].evaluate(task="F Sideways")
+        run.evaluate(task="F Sideways")
 
 
 @pytest.mark.slow
 def test_evaluation_of_result_and_folder_agree(run):
-    result, _ = run
-    reports = result.evaluate(task="F Down", episodes=6)
-    again = t2tl_jax.evaluate(t2tl_jax.load(result.folder, env=ProbeEnv()), task="F Down", episodes=6)
+    reports = run.evaluate(task="F Down", episodes=6)
+    again = t2tl_jax.evaluate(t2tl_jax.load(run.folder, env=ProbeEnv()), task="F Down", episodes=6)
     assert reports == again and set(reports) == {"deterministic", "sampled"}
     assert [one.seed for one in reports["sampled"].seeds] == [3, 8]
     assert reports["sampled"].seeds[0].success_rate.count == 6
@@ -170,7 +125,7 @@ def test_without_a_folder_nothing_is_written_or_printed(tmp_path, monkeypatch, c
 
 
 def test_a_configuration_does_not_hold_an_environment_object(run):
-    config = dataclasses.replace(run[0].config, frames=FRAMES)
+    config = dataclasses.replace(run.config, frames=FRAMES)
     with pytest.raises(UserError, match="ProbeEnv, was given as an object: give it again"):
         t2tl_jax.train(config)
 
@@ -179,32 +134,31 @@ def test_a_configuration_does_not_hold_an_environment_object(run):
 
 
 def test_load_gives_the_same_result(run):
-    result, _ = run
-    loaded = t2tl_jax.load(result.folder, env=ProbeEnv())
-    assert loaded.config == result.config and loaded.seeds == result.seeds
+    loaded = t2tl_jax.load(run.folder, env=ProbeEnv())
+    assert loaded.config == run.config and loaded.seeds == run.seeds
     assert (loaded.iteration, loaded.ended) == (
-        result.iteration,
-        result.ended,
-    ) and loaded.success_since == result.success_since
-    jax.tree.map(np.testing.assert_array_equal, loaded.params, result.params)
-    assert loaded.metrics.keys() == result.metrics.keys()
-    for name, values in result.metrics.items():  # the file keeps nine digits
+        run.iteration,
+        run.ended,
+    ) and loaded.success_since == run.success_since
+    jax.tree.map(np.testing.assert_array_equal, loaded.params, run.params)
+    assert loaded.metrics.keys() == run.metrics.keys()
+    for name, values in run.metrics.items():  # the file keeps nine digits
         np.testing.assert_allclose(loaded.metrics[name], values, rtol=1e-8, err_msg=name)
-    np.testing.assert_array_equal(loaded.policy(8)(jnp.ones(3), 2), result.policy(8)(jnp.ones(3), 2))
+    np.testing.assert_array_equal(loaded.policy(8)(jnp.ones(3), 2), run.policy(8)(jnp.ones(3), 2))
 
 
 def test_a_given_environment_is_to_be_given_again(run):
     for again in (t2tl_jax.load, t2tl_jax.resume, t2tl_jax.evaluate):
         with pytest.raises(UserError, match=r"environment of this run, ProbeEnv, was given as an object.*env=\.\.\."):
-            again(run[0].folder)
+            again(run.folder)
 
 
 def test_resume_of_a_complete_run_trains_no_more(run):
     diary = Diary()
-    again = t2tl_jax.resume(run[0].folder, env=ProbeEnv(), callbacks=[diary])
+    again = t2tl_jax.resume(run.folder, env=ProbeEnv(), callbacks=[diary])
     assert [entry[0] for entry in diary.entries] == ["plan", "end"] and again.iteration == 3
     with pytest.raises(UserError, match=r"a resumed run keeps its configuration.*not task"):
-        t2tl_jax.resume(run[0].folder, env=ProbeEnv(), task="F Up")
+        t2tl_jax.resume(run.folder, env=ProbeEnv(), task="F Up")
 
 
 def test_frames_as_a_float_are_stored_as_a_whole_number(tmp_path):
@@ -220,93 +174,25 @@ def test_resumed_equals_uninterrupted(run, tmp_path):
     diary = Diary()
     resumed = t2tl_jax.resume(tmp_path / "run", env=ProbeEnv(), callbacks=[diary])
     assert diary.entries[1:3] == [("start", 1), ("iteration", 2)]
-    jax.tree.map(np.testing.assert_array_equal, resumed.params, run[0].params)
-    assert (tmp_path / "run" / "metrics.csv").read_bytes() == (run[0].folder / "metrics.csv").read_bytes()
-    for name, values in run[0].metrics.items():
+    jax.tree.map(np.testing.assert_array_equal, resumed.params, run.params)
+    assert (tmp_path / "run" / "metrics.csv").read_bytes() == (run.folder / "metrics.csv").read_bytes()
+    for name, values in run.metrics.items():
         np.testing.assert_allclose(resumed.metrics[name], values, rtol=1e-8, err_msg=name)
 
 
 def test_metrics_files_go_by_names(run, tmp_path):
     """A further column, other places, and a column that an old version did not write."""
-    with open(run[0].folder / "metrics.csv", newline="") as file:
+    with open(run.folder / "metrics.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     header = ["extra", *reversed([name for name in rows[0] if name != "entropy"])]
     with open(tmp_path / "metrics.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, header, extrasaction="ignore", lineterminator="\n")
         writer.writeheader()
         writer.writerows({**row, "extra": 7} for row in rows)
-    before, after = history(run[0].folder / "metrics.csv"), history(tmp_path / "metrics.csv")
+    before, after = history(run.folder / "metrics.csv"), history(tmp_path / "metrics.csv")
     assert after.keys() == (before.keys() - {"entropy"}) | {"extra"} and (after["extra"] == 7).all()
     for name in before.keys() & after.keys():
         np.testing.assert_array_equal(after[name], before[name], err_msg=name)
-
-
-# ----- callbacks -----
-
-
-def test_callbacks_see_everything_in_order(run):
-    assert run[1].entries == [
-        ("plan", 3, FRAMES, (3, 8)),
-        ("start", 0),
-        *(("iteration", number) for number in (1, 2, 3)),
-        ("checkpoint", 3),
-        ("end", 3, "complete"),
-    ]
-
-
-def test_a_callback_ends_the_training_and_all_of_them_hear_of_it():
-    first, second = Diary(stop_at=2), Diary()
-    result = run_fake([first, second])
-    assert (result.iteration, result.ended) == (2, "enough") and result.metrics["frames"].shape == (2, 2)
-    assert first.entries == second.entries and second.entries[-1] == ("end", 2, "enough")
-
-
-def test_what_a_callback_raises_ends_the_training():
-    class Broken(Callback):
-        def on_iteration(self, progress, rows):
-            raise RuntimeError("the disk of my logger is full")
-
-    diary = Diary()
-    with pytest.raises(RuntimeError, match="disk of my logger"):
-        run_fake([diary, Broken()])
-    assert diary.entries[-1] == ("end", 1, "failed")
-
-
-def test_a_callback_may_end_it_before_it_begins():
-    class Never(Callback):
-        def on_plan(self, progress):
-            progress.stop = "only asked for the plan"
-
-    diary = Diary()
-    with pytest.raises(t2tl_jax.Interrupted, match="only asked for the plan"):
-        run_fake([Never(), diary])
-    assert [entry[0] for entry in diary.entries] == ["plan", "end"]
-
-
-def test_every_callback_that_was_planned_is_ended_whatever_others_raise():
-    class Broken(Callback):
-        def __init__(self, name, of_plan=False):
-            self._name, self._of_plan = name, of_plan
-
-        def on_plan(self, progress):
-            progress.stop = "only asked for the plan"
-            if self._of_plan:
-                raise RuntimeError(f"{self._name} has no plan")
-
-        def on_end(self, progress):
-            raise RuntimeError(f"{self._name} cannot be closed")
-
-    first, second = Diary(), Diary()
-    with pytest.raises(RuntimeError, match="the other cannot be closed") as raised:
-        run_fake([Broken("one"), first, Broken("the other"), second])
-    assert "one cannot be closed" in str(raised.value.__context__)  # nothing that was raised is lost
-    assert [[entry[0] for entry in diary.entries] for diary in (first, second)] == [["plan", "end"]] * 2
-
-    early, late = Diary(), Diary()
-    with pytest.raises(RuntimeError, match="it cannot be closed") as raised:
-        run_fake([early, Broken("it", of_plan=True), late])
-    assert "it has no plan" in str(raised.value.__context__)
-    assert [entry[0] for entry in early.entries] == ["plan", "end"] and late.entries == []
 
 
 # ----- ends -----
@@ -405,14 +291,14 @@ def test_mistakes_are_named_before_any_work(arguments, changes, said, tmp_path):
 
 def test_a_folder_that_is_in_use_is_refused(run, tmp_path):
     with pytest.raises(UserError, match=r"is not empty \(resume continues a run\)"):
-        run_it(folder=run[0].folder)
+        run_it(folder=run.folder)
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match=r"is not empty; a new run needs a folder of its own"):
         run_it(folder=tmp_path)
     with pytest.raises(UserError, match=re.escape(f"there is no folder {tmp_path / 'none'}")):
         t2tl_jax.load(tmp_path / "none")
     with pytest.raises(UserError, match="no field 'tsak'; did you mean 'task'"):
-        t2tl_jax.load(run[0].folder, env=ProbeEnv(), tsak="F Up")
+        t2tl_jax.load(run.folder, env=ProbeEnv(), tsak="F Up")
 
 
 def test_config_is_a_value():

@@ -2,32 +2,30 @@
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from experiments import fairness, tuning
 from experiments.paper import published_water, published_widths
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import below, rates
+from experiments.reproduction import below
 from experiments.reproduction import runs as named
 from experiments.reproduction.cells import cost_line, share, text
 from experiments.reproduction.claims import differences
-from experiments.reproduction.page import paragraph, table
+from experiments.reproduction.page import table
 from experiments.reproduction.sections.ablation import ablation
+from experiments.reproduction.sections.settings import settings, what_differs
 from experiments.reproduction.stored import Stored, last_ones
 from experiments.reproduction.tables import (
+    MEAN_AT_EPISODES,
     curves_by_episode,
     curves_by_frames,
     mean_return_at,
     methods,
-    return_by_frames,
-    returns_at,
 )
 from t2tl_jax.evaluation.comparisons import Pairs
 from t2tl_jax.networks.actor_critic import MINIMUM_STD
-from t2tl_jax.training.seeds import parse_seeds
 
 ZONE_MARKS = tuple(1e6 * x for x in (0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9, 10))
 
@@ -73,63 +71,29 @@ and, as the text says, who learns all sub-tasks at once above who does not."""
 
 
 WATER_PUBLISHED = {
-    "water-t2tl": "T2TL_pre",
-    "water-t1tl": "T1TL_pre",
-    "water-gnn": "GNN_pre",
-    "water-rm-6": "RM",
-    "water-dfa": "DFA",
-    "water-dfa_cont": "DFA_cont",
+    f"water-{method}": published_water.PHI_WATER[curve]
+    for method, curve in (
+        ("t2tl", "T2TL_pre"),
+        ("t1tl", "T1TL_pre"),
+        ("gnn", "GNN_pre"),
+        ("rm-6", "RM"),
+        ("dfa", "DFA"),
+        ("dfa_cont", "DFA_cont"),
+    )
 }
-SOONER_PUBLISHED = {name: "T1TL_pre" if "t1tl" in name else "RM" for name in named.BEGINNING}
+SOONER_PUBLISHED = {name: published_water.PHI_WATER["T1TL_pre" if "t1tl" in name else "RM"] for name in named.BEGINNING}
 """The published curve of the same method."""
 
 RM_NOTE = """The published RM is the curve of a code of 6 numbers, rm-6; rm has 16, which is ours, and nothing is
 claimed of it. Early episodes are looked into below (`--only water-beginning`)."""
 
-BEGINNING_NOTE = """The default makes one gradient step after every 128 steps of its environments, `per-16` one after
-16, and `short-exploration` also fades random actions over the first 1 % of the frames instead of 5 %. How many updates
-and how much exploration the published curves had is not published, nor are
-the balls' radius and speed. Where the last of these curves is still below the published one, why is open."""
-
-
-SEARCHED = """Settings were searched for with the methods of the column "chosen with" alone, and not again for each of
-the others, which take them over: an ordering in which one of the latter is behind may come from that."""
-
-
-def searched(world: str) -> str:
-    """Which settings were searched for with which methods."""
-    if world not in rates.OWN_RATE:
-        return SEARCHED
-    own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
-    found = (
-        f"another one than the shared is best for {', '.join(own)}. The runs here have the shared one, and there the "
-        "order is judged again with each method's best"
-        if own
-        else "the shared one is best for every method"
-    )
-    return paragraph(f"""
-        Settings were chosen with the methods of the column "chosen with" alone, and the others take them over. The
-        learning rate was then searched for in one and the same way for every method, on seeds
-        {tuning.in_words(parse_seeds(rates.SEEDS))} (`--only search`, [below](#{SEARCH_ANCHOR})): {found}. Other
-        settings were not searched for again: an ordering in which one of the others is behind may still come from
-        them.""")
-
-
-SEARCH_TITLE = "The same search for every method: the learning rate"
-SEARCH_ANCHOR = SEARCH_TITLE.lower().replace(":", "").replace(" ", "-")
-
-
-def what_differs(runs: Mapping[str, Stored], labels: Mapping[str, str], world: str) -> str:
-    """One row for each method: sizes, pre-training, and what its settings were chosen on; '' without stored sizes."""
-    rows = [
-        fairness.row(labels[name], run.config, run.seeds, run.status, run.sizes)
-        for name, run in runs.items()
-        if name in labels and run.sizes is not None
-    ]
-    if not rows:
-        return ""
-    differs = table(("method", *fairness.HEADING[1:]), rows)
-    return f"What differs beside the method. {fairness.NOTE}\n\n{differs}\n\n{searched(world)}"
+BEGINNING_NOTE = """The default makes one gradient step after every 128 steps of its environments and `per-16` one after
+16, but they differ in more than that, see above; which of it makes `per-16` learn sooner is not taken apart. It has the
+settings of `waterworld_dqn` before its present ones, and on which maps those were chosen is not recorded.
+`short-exploration` differs from `per-16` in one thing: random actions fade over the first 1 % of the frames instead of
+5 %. How many updates and how much exploration the published curves had is not published, nor are the balls' radius and
+speed. Of the other methods no such runs were made. Where the last of these curves is still below the published one, why
+is open."""
 
 
 def zone_figure(runs: Mapping[str, Stored]) -> str:
@@ -138,18 +102,7 @@ def zone_figure(runs: Mapping[str, Stored]) -> str:
         methods(runs, ZONE_LABELS, {name: curve[1][-1] for name, curve in ZONE_PUBLISHED.items()}),
         what_differs(runs, ZONE_LABELS, "zone"),
         curves_by_frames(runs, ZONE_LABELS, ZONE_MARKS, ZONE_PUBLISHED),
-        below.listed(
-            {
-                name: below.marks(
-                    return_by_frames(run, ZONE_MARKS),
-                    [mark / 1e6 for mark in ZONE_MARKS],
-                    np.interp(ZONE_MARKS, *ZONE_PUBLISHED[name]).tolist(),
-                )
-                for name, run in runs.items()
-                if name in ZONE_PUBLISHED
-            },
-            "at {} million frames",
-        ),
+        below.by_frames(runs, ZONE_PUBLISHED, ZONE_MARKS),
         zone_order(runs, ZONE_CLAIMS, ZONE_CLAIMS),
     )
 
@@ -172,7 +125,7 @@ def water_figure(runs: Mapping[str, Stored]) -> str:
         what_differs(runs, WATER_LABELS, "water"),
         curves_by_episode(runs, WATER_LABELS, marks, published_water.PHI_WATER),
         water_order(runs, WATER_CLAIMS, WATER_CLAIMS),
-        _still_below(runs, WATER_PUBLISHED, marks),
+        below.by_episode(runs, WATER_PUBLISHED, marks),
         RM_NOTE if "water-rm" in runs else "",
     )
 
@@ -180,17 +133,7 @@ def water_figure(runs: Mapping[str, Stored]) -> str:
 def water_order(runs: Mapping[str, Stored], pairs: Pairs, claims: Pairs = ()) -> str:
     """Differences between runs in WaterWorld as its figure judges them, by the mean over the published episodes."""
     means = {name: mean_return_at(run, published_water.EPISODES) for name, run in runs.items()}
-    return differences(runs, pairs, means, "mean return at these episodes", claims)
-
-
-def _still_below(runs: Mapping[str, Stored], published: Mapping[str, str], marks: Sequence[int]) -> str:
-    """Where curves by episode are below the published ones of the same method, at the first of these or all of them."""
-    found = {
-        name: below.marks(returns_at(run, marks), marks, published_water.PHI_WATER[published[name]][: len(marks)])
-        for name, run in runs.items()
-        if name in published
-    }
-    return below.listed(found, "at episodes {}")
+    return differences(runs, pairs, means, MEAN_AT_EPISODES, claims)
 
 
 def water_beginning(runs: Mapping[str, Stored]) -> str:
@@ -206,8 +149,9 @@ def water_beginning(runs: Mapping[str, Stored]) -> str:
     ]
     return _joined(
         curves_by_episode(runs, {name: name.removeprefix("water-") for name in runs}, marks, published_water.PHI_WATER),
-        differences(runs, pairs, means, "mean return at these episodes", ()),
-        _still_below(runs, SOONER_PUBLISHED, marks),
+        differences(runs, pairs, means, MEAN_AT_EPISODES, ()),
+        settings(runs, pairs),
+        below.by_episode(runs, SOONER_PUBLISHED, marks),
         BEGINNING_NOTE,
         cost_line(runs),
     )
@@ -220,6 +164,7 @@ def published_program(runs: Mapping[str, Stored]) -> str:
     return _joined(
         methods(runs, labels, {name: curve[1][-1] for name, curve in published.items()}),
         curves_by_frames(runs, labels, ZONE_MARKS, published),
+        below.by_frames(runs, published, ZONE_MARKS),
         *(found_or_not(run) for run in runs.values()),
     )
 
@@ -253,6 +198,7 @@ def published_pieces(runs: Mapping[str, Stored]) -> str:
         TWO_CHOICES if {NO_END, *OF_TWO} <= runs.keys() else "",
         noise_of_pieces(runs),
         curves_by_frames(few, labels, published_widths.FRAMES, curve) if few else "",
+        below.by_frames(few, dict.fromkeys(few, curve[BASE]), published_widths.FRAMES),
         more if left_out else "",
     )
 

@@ -8,12 +8,15 @@ from experiments.reproduction import runs as named
 from experiments.reproduction.cells import COST, cost, share, solved, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
+from experiments.reproduction.sections.settings import what_differs
 from experiments.reproduction.stored import Stored
 
 FIRST = "safe-t1tl"
 """What the others are compared with."""
 
 PAIRS = [(FIRST, f"safe-{method}") for method in named.ZONE_METHODS if f"safe-{method}" != FIRST]
+
+LABELS = {f"safe-{method}": method for method in named.ZONE_METHODS}
 
 NOTE = "Nothing of it is published, so nothing is claimed."
 
@@ -46,6 +49,7 @@ def safe(runs: Mapping[str, Stored]) -> str:
     successes, violated = ({name: run.by_seed(what) for name, run in runs.items()} for what in _RATES)
     parts = (
         table(heading, rows),
+        what_differs(runs, LABELS, "safe"),
         differences(runs, PAIRS, successes, "success of the final parameters"),
         differences(runs, PAIRS, violated, "violations of the final parameters"),
         NOTE if rows else "",

@@ -7,6 +7,7 @@ from experiments.reproduction import runs as named
 from experiments.reproduction.cells import cost_line, share, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
+from experiments.reproduction.sections.settings import what_differs
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
 
@@ -42,7 +43,16 @@ def steps(runs: Mapping[str, Stored]) -> str:
                 table([*heading, "published"], [row for row in rows if row]),
                 differences(runs, pairs, taken, f"steps to complete, {LIMIT:,}", pairs, less=True),
             ]
-    return "\n\n".join(part for part in [NOTE, *parts, cost_line(runs)] if part) if parts else ""
+    return "\n\n".join(part for part in [NOTE, *parts, _what_differs(runs), cost_line(runs)] if part) if parts else ""
+
+
+def _what_differs(runs: Mapping[str, Stored]) -> str:
+    """Between the methods, in the first world that is there: it is the same in all."""
+    for cell in step_tables.BY_GOALS:
+        labels = {named.step_name(cell, False, method): method for method in named.STEP_METHODS}
+        if labels.keys() <= runs.keys():
+            return what_differs(runs, labels, "water")
+    return ""
 
 
 def completion(run: Stored, limit: int) -> dict[int, float]:

@@ -1,0 +1,77 @@
+"""What compared runs differ in besides the idea: sizes, what settings were chosen on, and the settings themselves."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from experiments import fairness, tuning
+from experiments.reproduction import rates
+from experiments.reproduction.page import paragraph, table
+from experiments.reproduction.stored import Stored
+from t2tl_jax.evaluation.comparisons import Pairs
+from t2tl_jax.runs.differences import differences
+from t2tl_jax.training.seeds import parse_seeds
+
+SEARCHED = """Settings were searched for with the methods of the column "chosen with" alone, and not again for each of
+the others, which take them over: an ordering in which one of the latter is behind may come from that."""
+
+
+def searched(world: str) -> str:
+    """Which settings were searched for with which methods."""
+    if world not in rates.OWN_RATE:
+        return SEARCHED
+    own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
+    found = (
+        f"another one than the shared is best for {', '.join(own)}. The runs here have the shared one, and there the "
+        "order is judged again with each method's best"
+        if own
+        else "the shared one is best for every method"
+    )
+    return paragraph(f"""
+        Settings were chosen with the methods of the column "chosen with" alone, and the others take them over. The
+        learning rate was then searched for in one and the same way for every method, on seeds
+        {tuning.in_words(parse_seeds(rates.SEEDS))} (`--only search`, [below](#{SEARCH_ANCHOR})): {found}. Other
+        settings were not searched for again: an ordering in which one of the others is behind may still come from
+        them.""")
+
+
+SEARCH_TITLE = "The same search for every method: the learning rate"
+SEARCH_ANCHOR = SEARCH_TITLE.lower().replace(":", "").replace(" ", "-")
+
+
+def what_differs(runs: Mapping[str, Stored], labels: Mapping[str, str], world: str) -> str:
+    """One row for each method: sizes, pre-training, and what its settings were chosen on; '' without stored sizes."""
+    rows = [
+        fairness.row(labels[name], run.config, run.seeds, run.status, run.sizes)
+        for name, run in runs.items()
+        if name in labels and run.sizes is not None
+    ]
+    if not rows:
+        return ""
+    differs = table(("method", *fairness.HEADING[1:]), rows)
+    return f"What differs beside the method. {fairness.NOTE}\n\n{differs}\n\n{searched(world)}"
+
+
+MANY = "These differ in more than one setting, told of the first and of the second; the other pairs in one:"
+
+
+def settings(runs: Mapping[str, Stored], pairs: Pairs) -> str:
+    """The compared runs that differ in more than one setting, with the values of each; '' where there are none."""
+    lines = []
+    for first, second in pairs:
+        if first in runs and second in runs and len(told := _told(runs[first], runs[second])) > 1:
+            lines.append(f"- {first}, {second}: {'; '.join(told)}.")
+    return "\n".join([MANY, "", *lines]) if lines else ""
+
+
+def _told(first: Stored, second: Stored) -> list[str]:
+    """Each setting that two runs differ in, with what it is in one and in the other; a dash where a part has it not."""
+    of_second, of_first = _changes(first, second), _changes(second, first)
+    return [f"`{name}` {of_first.get(name, '-')}, {of_second.get(name, '-')}" for name in {**of_first, **of_second}]
+
+
+def _changes(base: Stored, other: Stored) -> dict[str, str]:
+    """By setting, what it is in the other run; their seeds do not count."""
+    changes = dict(change.split("=", 1) for change in differences(base.config, other.config))
+    if "pretrained" in changes:
+        changes["pretrained"] = Path(changes["pretrained"]).name or "no"
+    return {name: value for name, value in changes.items() if name != "seeds"}
