@@ -22,6 +22,7 @@ def test_the_papers_own_tasks_are_among_them(measured):
     assert rows(text)["`phi_water`"][:6] == ["54", "5", "1", "5", "16 (ZoneEnv), 32 (WaterWorld)", "7 x 256"]
     assert named_task(representations.OWN) == named_task(representations.SAME)
     assert "`phi_water_5_3` is `phi_water` by another name." in text
+    assert f"median of {representations.REPEATS} times" in text
 
 
 def test_the_published_words_stand_beside_what_was_measured(measured):
@@ -35,4 +36,9 @@ def test_what_was_stored_with_fewer_tasks_is_still_shown(measured, tmp_path):
     (tmp_path / representations.FILE).write_text(json.dumps({"rows": kept[:3]}))
     (tmp_path / "versions.json").write_text((measured.path / "versions.json").read_text())
     text = representations.section({representations.NAME: stored.Stored(tmp_path)})
-    assert "`phi_zone`" in rows(text) and "another name" not in text and "2 to 3" in rows(text)["size"][1]
+    assert (
+        "`phi_zone`" in rows(text)
+        and "another name" not in text
+        and "median of 5 times" in text
+        and "2 to 3" in rows(text)["size"][1]
+    )

@@ -35,15 +35,17 @@ def random_play(runs: Mapping[str, Stored]) -> str:
             named(setting),
             _radius(setting["map_radius"]),
             returns(setting).text(4),
-            statistics.mean_rate(_each(setting, "success_rate")).text(4),
-            statistics.mean_rate(_each(setting, "violation_rate")).text(4),
+            *(statistics.mean(_each(setting, rate), lowest=0, highest=1).text(4) for rate in _RATES),
             statistics.mean(_each(setting, "mean_length"), lowest=0, highest=stored["episode_length"]).text(1),
             f"{min(_each(setting, 'episodes')):,}",
         )
         for setting in settings
     ]
-    parts = (_what(stored), table(heading, rows), _beside(runs), reached(settings), _taken(stored))
-    return "\n\n".join(parts)
+    parts = (
+        *(_what(stored), table(heading, rows), _beside(runs)),
+        *(reached(settings), above_chance(runs, settings), _taken(stored)),
+    )
+    return "\n\n".join(part for part in parts if part)
 
 
 def named(setting: Mapping[str, Any]) -> str:
@@ -69,6 +71,24 @@ def reached(settings: list[dict[str, Any]]) -> str:
     return f"Random play is at or above {highest}, at: {where}."
 
 
+def above_chance(runs: Mapping[str, Stored], settings: list[dict[str, Any]]) -> str:
+    """By how much the first episodes of our trainings are better than chance, on the same maps; '' without any."""
+    default = [one for one in settings if one["radius"] == one["speed"] == one["map_radius"] == 1]
+    chance = {of_map["map"]: of_map["mean_return"] for one in default for of_map in one["maps"]}
+    found = []
+    for name, run in runs.items():
+        if name != NAME and set(run.seeds) <= set(chance):
+            more = returns_at(run, [FIRST])[:, 0] - [chance[seed] for seed in run.seeds]
+            found.append(f"{name} {statistics.mean(more).text()}")
+    if not found:
+        return ""
+    return f"Ours at {FIRST} episodes less random play in the default world, map by map: {', '.join(found)}."
+
+
+_RATES = ("success_rate", "violation_rate")
+"""Each of thousands of episodes, so that the spread over maps says how well their mean is known."""
+
+
 def _what(stored: Mapping[str, Any]) -> str:
     return (
         f"Uniformly random actions on `{stored['task']}`, nothing learned, on the same maps and within the same "
@@ -83,8 +103,8 @@ def _beside(runs: Mapping[str, Stored]) -> str:
     """The published values and those of the trainings at the first episode that is known."""
     published = ", ".join(f"{method} {curve[0]:.2f}" for method, curve in PHI_WATER.items())
     ours = {name: returns_at(run, [FIRST])[:, 0] for name, run in runs.items() if name != NAME}
-    above = ", ".join(f"{name} {statistics.mean(values).text()}" for name, values in ours.items())
-    return f"Published at {FIRST} episodes: {published}." + (f" Ours, mean of these {FIRST}: {above}." if above else "")
+    known = ", ".join(f"{name} {statistics.mean(values).text()}" for name, values in ours.items())
+    return f"Published at {FIRST} episodes: {published}." + (f" Ours, mean of these {FIRST}: {known}." if known else "")
 
 
 def _taken(stored: Mapping[str, Any]) -> str:
