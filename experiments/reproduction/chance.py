@@ -31,7 +31,7 @@ MAPS = tuple(range(12))
 """Those of the methods' runs, which are their seeds."""
 
 EPISODES = 2000
-"""Of every map and setting: 24,000 for a mean, and all settings take about a minute on two cores, below three in any case."""
+"""Of every map and setting: 24,000 for a mean, and all settings take about a minute on two cores."""
 
 
 @dataclass(frozen=True)
