@@ -1,6 +1,7 @@
 """The items of the reproduction: tables and figures of the paper, measurements beside them, and the runs of each."""
 
 from experiments.paper import step_tables
+from experiments.reproduction import chance as measured
 from experiments.reproduction import representations
 from experiments.reproduction import runs as named
 from experiments.reproduction.anytask.items import ANY_ITEMS, GROUP
@@ -8,6 +9,7 @@ from experiments.reproduction.plan import Item
 from experiments.reproduction.sections import (
     attention,
     benchmark,
+    chance,
     figures,
     safe,
     search,
@@ -125,8 +127,8 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "water-beginning": Item(
         "WaterWorld's first episodes, which score less than the published ones",
-        named.BEGINNING,
-        figures.water_beginning,
+        (*named.BEGINNING, measured.NAME),
+        chance.water_beginning,
     ),
     "pretraining-zone": Item(
         "Pre-training in ZoneEnv: none, on the task, on random formulas",

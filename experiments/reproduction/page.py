@@ -91,8 +91,8 @@ def made_by(runs: Sequence[Stored]) -> str:
     """Which commits, machines and versions made the runs of an item, and on which seeds settings were chosen."""
     if not runs:
         return ""
-    seeds = sorted({len(run.seeds) for run in runs})
-    counts = f"Seeds: {', '.join(map(str, seeds))}. " if any(seeds) else ""
+    seeds = sorted({len(run.seeds) for run in runs if run.seeds})
+    counts = f"Seeds: {', '.join(map(str, seeds))}. " if seeds else ""
     chosen = sorted({seed for run in runs if run.seeds for seed in tuning.tuning_seeds(run.config, run.seeds)})
     note = f" Settings were chosen in part on seeds {tuning.in_words(chosen)} of these." if chosen else ""
     broken = [

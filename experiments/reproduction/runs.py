@@ -6,7 +6,7 @@ from typing import Any
 from experiments import configs  # noqa: F401, registers the configurations
 from experiments.methods import apply
 from experiments.paper import step_tables
-from experiments.reproduction import rates, representations
+from experiments.reproduction import chance, rates, representations
 from experiments.reproduction.anytask.runs import ANY_AGENTS, any_runs
 from experiments.reproduction.plan import Run
 from t2tl_jax.networks.gru import GRUConfig
@@ -77,7 +77,9 @@ MAPS = "1,2,3,4,5,6,7,8,9,10"
 
 def all_runs() -> dict[str, Run]:
     """Every run of the reproduction."""
-    runs: dict[str, Run] = {representations.NAME: Run(None, evaluated=False, measure=representations.measure)}
+    runs: dict[str, Run] = {
+        one.NAME: Run(None, evaluated=False, measure=one.measure) for one in (representations, chance)
+    }
     for parts, first_seed in (
         ((_zone, _zone_variants, _zone_search), ZONE_SEED),
         ((_water, _water_variants, _steps, _benchmark, _water_search), 0),
