@@ -2,16 +2,17 @@
 
 import json
 from dataclasses import replace
+from random import Random
 
 import pytest
 
 from experiments.reproduction import claims
-from experiments.reproduction.anytask import met, tested
+from experiments.reproduction.anytask import met, tested, water_chains
 from experiments.reproduction.anytask.runs import STRICT
 from experiments.reproduction.runs import all_runs
 from experiments.reproduction.sections import anystrict
-from t2tl_jax.ltl import resolve_tasks, row_languages
-from t2tl_jax.registry import make_env
+from t2tl_jax.ltl import make_sampler, resolve_tasks, row_languages
+from t2tl_jax.registry import make_env, named_config
 from tests.made_up_runs import write
 from tests.runs.test_pool_workers import CONFIG
 
@@ -72,3 +73,27 @@ def test_a_strict_agent_stands_beside_the_other(tmp_path):
     assert "| 0/10 | 0.710 [" in strict and strict.endswith("| 0.700 |") and "| 5/10 | 0.910 [" in loose
     assert "| any-flat-strict - any-flat | -0.200 [" in text and "Corrected for 4 comparisons, 1 of which" in text
     assert anystrict.strict({"any-flat": runs["any-flat"]}) == ""
+
+
+def test_the_aim_on_chains_is_judged_by_the_strict_agent_alone(tmp_path):
+    loose = {"any-water": made(tmp_path, "any-water", [0.99, 0.99, 0.99], "1/2")}
+    flat = made(tmp_path, "any-flat-strict", [0.7, 0.7, 0.7], "0/2")
+    assert anystrict.NOT_MEASURED in anystrict.strict(loose | {"any-flat-strict": flat})
+    strict = made(tmp_path, "any-water-strict", [0.96, 0.97, 0.98], "0/2")
+    text = anystrict.strict(loose | {"any-water-strict": strict})
+    aim = next(line for line in text.splitlines() if line.startswith("| success on chains over eight colours, no row"))
+    assert "0.970 [" in aim and aim.endswith("| reached |") and anystrict.NOT_MEASURED not in text
+
+
+@pytest.mark.slow
+def test_the_chains_are_the_first_that_the_family_draws_with_their_end():
+    config = named_config("water_any")
+    env = make_env(config.env)
+    draw, rng, found = make_sampler(config.task, env.propositions), Random(0), []
+    (end,) = row_languages([water_chains.END], env.propositions, env.alphabet)
+    while len(found) < 8:
+        formula = draw(rng)
+        if end in row_languages([formula], env.propositions, env.alphabet):
+            found.append(formula)
+    known = resolve_tasks(water_chains.CHAINS)
+    assert list(known.values())[:8] == found and len(known) == 32

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from envs.zones import OPEN_6, OPEN_8, OPEN_10
+from experiments.reproduction.anytask import water_chains
 from t2tl_jax.env import EnvConfig
 
 EPISODES = 500
@@ -58,5 +59,6 @@ LETTERS_LONG = Suite("letters, 150 moves", ("letters_reach_12",), limit=150)
 LETTER_MAPS = Suite("letters with their maps", ("letters",), "maps")
 FLAT = Suite("flat", tuple(f"flat_{n}" for n in range(1, 6)))
 WATER = Suite("water", ("phi_water",))
+WATER_CHAINS = Suite("water chains", water_chains.CHAINS)
 UNTIL = Suite("Until_1_2_1_1", ("Until_1_2_1_1",), "together")
 WALLS = Suite("walls", ("phi_zone", "phi_zone_prime", "phi_safe"))

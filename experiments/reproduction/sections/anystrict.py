@@ -9,16 +9,26 @@ from experiments.reproduction.anytask.runs import STRICT
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections.anycodes import rows_met
-from experiments.reproduction.sections.anytask import SAMPLED, figures, over_tasks
+from experiments.reproduction.sections.anytask import SAMPLED, Bar, figures, over_tasks, verdicts
 from experiments.reproduction.stored import Stored
+
+CHAINS = "32 chains that end alike"
 
 TESTS: dict[str, dict[str, tuple[str, ...]]] = {
     "any-zones": {"z1 to z6": suites.ZONE_Z, "g1 to s8": suites.ZONE_HARD},
     "any-letters": {"letters_1 to 5": suites.LETTERS.tasks[:5]},
     "any-flat": {"flat_1 to 5": suites.FLAT.tasks},
-    "any-water": {"phi_water": suites.WATER.tasks},
+    "any-water": {"phi_water": suites.WATER.tasks, CHAINS: suites.WATER_CHAINS.tasks},
 }
 """By agent, the tests by what they are called."""
+
+BARS = (
+    Bar("success on chains over eight colours of which training met no row", suites.WATER_CHAINS.tasks, least=0.95),
+)
+
+NOT_MEASURED = """The aim of .95 on chains over WaterWorld's colours that are unseen in this sense is **not measured**.
+What any-water comes to on its own family, above, is of formulas that are new under their own names, most of which its
+training met under others."""
 
 PAIRS = tuple((f"{name}{STRICT}", name) for name in TESTS)
 """An agent, and the one whose training kept out the tests themselves alone, by the same settings but for seeds."""
@@ -37,17 +47,17 @@ def strict(runs: Mapping[str, Stored]) -> str:
     for first, second in PAIRS:
         if first not in runs:
             continue
-        for name in (first, second):
-            if name not in runs:
-                continue
-            of, shares = figures(runs[name]), met.read(runs[name].path)
+        played = {name: figures(runs[name]) for name in (first, second) if name in runs}
+        for name, of in played.items():
+            shares = met.read(runs[name].path)
             for called, tasks in TESTS[second].items():
                 success, worst = "not played yet", "-"
                 if set(tasks) <= of.keys():
                     success = over_tasks(of, tasks, SAMPLED, "success_rate").text()
                     worst = f"{min(float(np.nanmin(of[task][SAMPLED]['success_rate'])) for task in tasks):.3f}"
                 rows.append((name, called, rows_met(shares, tasks), success, worst))
-            known = [task for tasks in TESTS[second].values() for task in tasks if task in of]
+            asked = [task for tasks in TESTS[second].values() for task in tasks]
+            known = [task for task in asked if all(task in each for each in played.values())]
             if known:
                 means = np.mean([of[task][SAMPLED]["success_rate"] for task in known], axis=0)
                 values[name] = dict(zip(runs[name].seeds, means.tolist(), strict=True))
@@ -55,4 +65,6 @@ def strict(runs: Mapping[str, Stored]) -> str:
         return ""
     shown = table(("agent", "tests", "rows met, up to names", "success", "worst seed and task"), rows)
     gaps = differences({name: runs[name] for name in values}, list(PAIRS), values, "success, mean of these tests")
-    return "\n\n".join(part for part in (shown, gaps, NOTE) if part)
+    water = f"any-water{STRICT}"
+    aim = verdicts(figures(runs[water]), BARS) if water in runs else NOT_MEASURED
+    return "\n\n".join(part for part in (shown, aim, gaps, NOTE) if part)

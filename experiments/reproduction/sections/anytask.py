@@ -362,5 +362,5 @@ FLAT_BARS = (Bar("success, the worst of flat_1 to flat_5", suites.FLAT.tasks, le
 WATER_BARS = (
     Bar("success on `phi_water`", ("phi_water",), least=0.99),
     Bar("steps on `phi_water`", ("phi_water",), most=76, figure="success_length"),
-    Bar("success on chains over eight colours, not trained on under their own names", (OWN,), least=0.95),
+    Bar("success on chains over eight colours, new under their own names alone", (OWN,), least=0.95),
 )
