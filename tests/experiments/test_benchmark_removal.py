@@ -43,7 +43,7 @@ def test_the_page_shows_what_is_stored(configs, tmp_path):
     assert attention.removed(runs) == attention.removed({}) == ""  # it is not beside them
     shutil.copy(ROOT / "results" / attention.REMOVAL, run.path.parents[1])
     text = attention.removed(runs)
-    assert stored["where"]["git_revision"][:7] in text and "Agents of `phi_zone`, not of the task above" in text
+    assert stored["where"]["git_revision"][:7] in text and "agents of `phi_zone`, not of the task" in text
     lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| zone-")]
     readings = [(agent, one) for agent in stored["agents"] for one in agent["sub_tasks"]]
     assert {Path(agent["run"]).name for agent, _ in readings} == {"zone-gnn", "zone-t1tl"}
@@ -69,6 +69,6 @@ def test_a_trained_graph_network_is_read():
     for one in agent["sub_tasks"]:
         policy = np.array(one["policy"])
         assert len(policy) == len(one["tokens"]) and np.isfinite(policy).all() and (policy >= 0).all()
-        assert policy.max() > 2 * policy.min() and policy[0] > 0.01
+        assert policy[0] > 1.0 and np.ptp(policy) > 0.1
         assert sum(one["most"]) == sum(one["most_named"]) == one["steps"]
     assert "| zone-gnn | `F Yellow` |" in removal.table({"agents": [agent]})
