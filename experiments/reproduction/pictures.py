@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from experiments.paper import published_water, published_widths
 from experiments.paper.published_water import EPISODES, PHI_WATER
 from experiments.reproduction import runs as named
+from experiments.reproduction.sections import benchmark, widths
 from experiments.reproduction.sections.figures import ZONE_LABELS, ZONE_PUBLISHED
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import returns_at
@@ -73,6 +75,8 @@ def drawn(file: Path) -> str | None:
 def pictures(paper: Mapping[str, Stored], short: Mapping[str, Stored]) -> dict[str, Picture]:
     """By item of the paper, or `short` for the short schedule; those of which something is stored.
 
+    An item with two pictures has them by its name and a word behind a slash.
+
     Args:
         paper: the stored runs of the paper's items, by name.
         short: those of the short schedule.
@@ -91,6 +95,25 @@ def pictures(paper: Mapping[str, Stored], short: Mapping[str, Stored]) -> dict[s
             f"Return without discount of the last 500 training episodes on phi_water. {published}",
             (*_by_episode(water), *_published_water()),
             *("episodes per seed", "undiscounted return of the last 500 episodes"),
+        ),
+        "fig-dimensions/water": Picture(
+            "width_water_curves.png",
+            f"Return of the last 500 training episodes on phi_water, by width of the code. {published}",
+            (*_widths_of_water(paper), *_published(published_widths.WATER, published_widths.EPISODES)),
+            *("episodes per seed", "return of the last 500 episodes"),
+        ),
+        "fig-dimensions/zone": Picture(
+            "width_zone_curves.png",
+            f"Discounted return during training on phi_zone, 10 million frames, by width of the code. {published}",
+            (*_widths_of_zone(paper), *_published(published_widths.ZONE, published_widths.FRAMES)),
+            *("frames per seed", "discounted return"),
+        ),
+        "benchmark": Picture(
+            "rm_benchmark_curves.png",
+            "Normalised score of the last 1,000 training episodes on the ten tasks, with 95 % intervals over maps. "
+            "Dashed: published, mean of two repeats on the same maps.",
+            (*_benchmark(paper), *_published(_SCORES, published_water.STEPS)),
+            *("environment steps", "normalised score"),
         ),
         "short": Picture(
             "zone_short_curves.png",
@@ -128,6 +151,52 @@ def _by_episode(runs: Mapping[str, Stored]) -> list[Line]:
             COLOURS[method],
         )
         for method, run in runs.items()
+    ]
+
+
+def _widths_of_water(paper: Mapping[str, Stored]) -> list[Line]:
+    runs = {name: paper[name] for name in widths.WATER if name in paper}
+    return [
+        Line(_label(widths.WATER[name], run), MARKS, returns_at(run, MARKS), _COLOURS[widths.WATER[name]])
+        for name, run in runs.items()
+    ]
+
+
+def _widths_of_zone(paper: Mapping[str, Stored]) -> list[Line]:
+    runs = {name: paper[name] for name in widths.ZONE if name in paper}
+    return [
+        Line(
+            _label(widths.ZONE[name], run),
+            np.nanmax(run.metrics["frames"], axis=0),
+            run.metrics["discounted_return"],
+            _COLOURS[widths.ZONE[name]],
+        )
+        for name, run in runs.items()
+    ]
+
+
+def _benchmark(paper: Mapping[str, Stored]) -> list[Line]:
+    curves = benchmark.scores({name: paper[name] for name in benchmark.TEN if name in paper})
+    return [
+        Line(f"{label} ({len(of)} maps)", published_water.STEPS, np.array(list(of.values())), _COLOURS[label])
+        for label, of in ((benchmark.TEN[name], of) for name, of in curves.items())
+    ]
+
+
+_SCORES = {name: means for name, (means, _) in published_water.SCORES.items()}
+
+_COLOURS = {
+    label: k
+    for labels in (widths.WATER.values(), widths.ZONE.values(), benchmark.TEN.values())
+    for k, label in enumerate(labels)
+}
+"""The same for a curve and its published one, by the name that both have in the paper."""
+
+
+def _published(curves: Mapping[str, Sequence[float]], at: Sequence[float]) -> list[Line]:
+    return [
+        Line(f"{name}, published", at, np.array([curves[name]]), _COLOURS[name], dashed=True)
+        for name in sorted(curves, key=_COLOURS.__getitem__)
     ]
 
 

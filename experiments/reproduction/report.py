@@ -75,7 +75,10 @@ def documentation(root: Path) -> Documentation:
     paper, short = (stored.load(results / name) for name in ("paper", beside.SHORT))
     shown = pictures(paper, short)
     of_tokens = attention_picture(paper)
-    lines = {name: picture.markdown() for name, picture in shown.items()}
+    lines: dict[str, str] = {}
+    for name, picture in shown.items():
+        item = name.partition("/")[0]
+        lines[item] = "\n\n".join([*([lines[item]] if item in lines else []), picture.markdown()])
     lines |= {name: picture.markdown() for name, picture in of_tokens.items()}
     items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines)
     whole = f"{items}\n{beside.measurements(results, lines)}"

@@ -1,12 +1,15 @@
 """The attention figure over seeds: what each token receives, what the policy needs, and whether these are one."""
 
+import shlex
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from experiments.benchmarks.removal import table as removal_table
 from experiments.paper import published_attention
 from experiments.reproduction.cells import cost_line, text
 from experiments.reproduction.claims import Share, majorities
-from experiments.reproduction.page import table
+from experiments.reproduction.page import origin, paragraph, table
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.work import READING
 from t2tl_jax.evaluation.statistics import Estimate
@@ -23,6 +26,17 @@ NOTE = """Token* is the token that receives most attention, the needed token the
 most. The paper shows one agent, so each of its claims is asked of every seed here, and is reproduced where it holds for
 more than half of the seeds (of the episodes, for what is entered first). By chance token* would be a given one of nine
 tokens in one seed of nine. At the start the published conjunction leads by less than what reading the picture errs."""
+
+REMOVAL = "removal.json"
+"""Of `experiments.benchmarks.removal`, among the results."""
+
+REMOVED = """**A graph network, read without attention.** The paper reads its Transformer by attention, which an R-GCN
+does not have. Taking tokens away reads either: `{command}`. These are agents of `{task}`, not of the task above, and
+{seeds}, so that nothing is said of other seeds. For each sub-task {episodes} episodes are played, and one step in it is
+used of each. A line says without which token, by its position, the policy moves most; at which share of the steps, with
+an interval over episodes; and by how much on average, as KL divergence in nats. In the graph network a token takes
+along all that hangs on it, so that operators weigh more there. Nothing hangs on propositions, and of these alone the
+last columns are."""
 
 
 def attention(runs: Mapping[str, Stored]) -> str:
@@ -41,8 +55,25 @@ def attention(runs: Mapping[str, Stored]) -> str:
         _projections(read),
         NOTE if stages else "",
         cost_line(runs),
+        removed(runs),
     )
     return "\n\n".join(part for part in parts if part)
+
+
+def removed(runs: Mapping[str, Stored]) -> str:
+    """What stored agents cannot do without, the graph network among them; '' if that is not beside the runs' folder."""
+    file = next(iter(runs.values())).path.parents[1] / REMOVAL if runs else None
+    if file is None or not file.is_file():
+        return ""
+    stored = read_json(file)
+    agents = stored["agents"]
+    text = REMOVED.format(
+        command=shlex.join(stored["where"]["command"]),
+        task=", ".join(dict.fromkeys(agent["task"] for agent in agents)),
+        seeds=", ".join(f"of {Path(agent['run']).name} seed {agent['seed']} alone" for agent in agents),
+        episodes=stored["episodes"],
+    )
+    return "\n\n".join((paragraph(text), removal_table(stored), origin([stored["where"]])))
 
 
 Stages = Mapping[tuple[str, str], Mapping[str, Any]]

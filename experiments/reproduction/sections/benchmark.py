@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments import tuning
 from experiments.paper import published_water
-from experiments.reproduction import below
+from experiments.reproduction import below, score_bounds
 from experiments.reproduction.cells import cost_line, share, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
@@ -47,6 +47,16 @@ values here instead of 77, at the learning rate that was chosen for 77, but for 
 one. The runs were made again to record what is paid. By the same settings and seeds other maps had been lost before:
 how a run ends on one map is not stable. Why the maps are lost where episodes no longer pay is open."""
 
+SCORE_NOTE = """The published figure of the single task is a normalised score: an episode's reward over its length, in
+units of the best episode on the map, mean of the last 100 (here of whole iterations, as few as hold so many). Ours was
+not stored, only means over iterations of reward, length and discounted return, which enclose it: a cell has the least
+and the greatest mean over maps that these allow, and an interval that holds the intervals of both. For the greatest no
+paid episode is taken to be shorter than the authors' shortest one, whose score counts as 1. What is said to be below is
+so by the greatest, thus for certain."""
+
+TRAINING_ALONE = """None of these runs was evaluated after its training, nor were the published ones: all figures are of
+training episodes, with exploration."""
+
 SEARCHED = """Learning rates were not searched for alike: ql's was chosen among four on maps {}, which are reported too
 since there are no others with published figures; crm's was there before, and on which maps it was chosen is not
 recorded; neither was searched again for shaped rewards. Without the maps of ql's search:"""
@@ -69,7 +79,8 @@ def benchmark(runs: Mapping[str, Stored]) -> str:
     """Normalised score of the ten tasks and discounted return of the single one, with what is published of both."""
     ten = {name: run for name, run in runs.items() if "best_score_10" in run.columns}
     parts = _ten(ten) + _single({name: run for name, run in runs.items() if name not in ten})
-    parts += [overvalued(runs), settings(runs), NOTE, cost_line(runs)]
+    parts += [overvalued(runs), settings(runs), NOTE]
+    parts += ["" if any(run.evaluations for run in runs.values()) else TRAINING_ALONE, cost_line(runs)]
     return "\n\n".join(part for part in parts if part) if runs else ""
 
 
@@ -191,9 +202,34 @@ def _single(runs: Mapping[str, Stored]) -> list[str]:
     return [
         table(heading, rows),
         differences(runs, SINGLE_PAIRS, means, "mean discounted return over training"),
+        scored(runs),
         rewarded(runs),
         SINGLE_NOTE,
     ]
+
+
+def scored(runs: Mapping[str, Stored]) -> str:
+    """Between which values the normalised score of the single task lies, beside the published, and where it is below.
+
+    Maps without published scores are left out, and runs that are older than the metric of what is paid.
+    """
+    marks, best = published_water.STEPS, published_water.SINGLE_BEST_STEPS
+    rows, found = [], {}
+    for name, run in runs.items():
+        if "total_reward" not in run.metrics or not {*run.seeds} <= {*best}:
+            continue
+        discount = run.config.learner.discount
+        each = score_bounds.bounds(run.metrics, [best[seed] for seed in run.seeds], discount)
+        least, greatest = (recent(run, marks, of) for of in each)
+        rows.append((name, *(score_bounds.cell(*at) for at in zip(least.T, greatest.T, strict=True))))
+        means, _ = published_water.SINGLE_SCORES[SINGLE[name.removesuffix(SLOW)]]
+        found[name] = below.marks(greatest, marks, means)
+    for published in SINGLE.values():
+        every = zip(*published_water.SINGLE_SCORES[published], strict=True)
+        rows.append((f"{published}, published", *(f"{mean:.2f} ± {deviation:.2f}" for mean, deviation in every)))
+    heading = ["single task: normalised score", *_thousands(marks)]
+    listed = below.listed(found, "after {} steps")
+    return "\n\n".join(part for part in (SCORE_NOTE, table(heading, rows), listed) if part)
 
 
 def rewarded(runs: Mapping[str, Stored]) -> str:
@@ -218,13 +254,13 @@ def _paid(shares: np.ndarray) -> Estimate:
     return mean_rate(shares.round(6))  # sums of rounded columns can come to a hair over 1
 
 
-def recent(run: Stored, marks: Sequence[int], metric: str) -> np.ndarray:
+def recent(run: Stored, marks: Sequence[int], metric: str | np.ndarray) -> np.ndarray:
     """Mean of a metric over each seed's last `EPISODES` episodes or more, whole iterations: float[seeds, marks].
 
-    NaN at marks after the end, and before an episode ended.
+    NaN at marks after the end, and before an episode ended. A metric that is not stored is float[seeds, iterations].
     """
     frames, episodes = run.metrics["frames"][0], np.nan_to_num(run.metrics["episodes"])
-    paid = episodes * np.nan_to_num(run.metrics[metric])
+    paid = episodes * np.nan_to_num(run.metrics[metric] if isinstance(metric, str) else metric)
     ended, total = (np.pad(np.cumsum(of, axis=1), ((0, 0), (1, 0))) for of in (episodes, paid))
     values = np.full((len(episodes), len(marks)), np.nan)
     for column, mark in enumerate(marks):
