@@ -53,6 +53,14 @@ settings had been seen on these very formulas. None of these trials is stored.
   since a machine was gone with what was to follow, and are shown as made first; the GRU's pre-training likewise, and is
   shown as made last, since its agents began with that.
 
+### What is built and was not trained to a result
+
+Tested on small problems alone: two codes side by side (`joined`), other names of propositions in every episode
+(`renaming`), a curriculum of stages with sampling by failure, balls that are asked by attention instead of pooled, and
+the network over balls in DQN. In the table of codes no agent is strict: training met rows of most levels, which stand
+beside them, and what a code comes to on rows that it never met under any names is known of the look-ahead alone.
+Certificates are of one seed in the open ZoneEnv, and were made for no other world.
+
 ### Whose the other figures are
 
 See `experiments/paper/published_any.py`.
