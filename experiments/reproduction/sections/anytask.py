@@ -87,7 +87,7 @@ def own_family(run: Stored, policy: str = SAMPLED) -> dict[int, float]:
 
 HEADING = (
     *("task", "rows met", "renamed", "success", "worst seed", "violation", "ended by env", "time-out", "steps"),
-    *("return", "success of the mode", "steps of the mode"),
+    *("return", "success of the mode", "worst seed of the mode", "steps of the mode"),
 )
 
 
@@ -125,7 +125,8 @@ def _tasks_of_run(
     rows = [(task, *_met(shares, task), *_cells(by), *_beside(others, task)) for task, by in of.items()]
     for called, tasks in means.items():
         if set(tasks) <= of.keys():
-            rows.append((f"**{called}**", "", "", *_mean_cells(of, tasks), *_means_beside(others, called, tasks)))
+            met_of = [_met_of_all(shares[kind], tasks) for kind in ("exactly", "renamed")]
+            rows.append((f"**{called}**", *met_of, *_mean_cells(of, tasks), *_means_beside(others, called, tasks)))
     facts = table(("frames, seeds", *COST[1:]), [(f"{run.frames:,} x {len(run.seeds)}", *cost(run)[1:])])
     parts = (
         table((*HEADING, *(_heading_of(method, cells) for method, cells in others.items())), rows),
@@ -162,6 +163,14 @@ def _met(shares: Mapping[str, Mapping[str, Any]], task: str) -> tuple[str, str]:
     return exactly, renamed
 
 
+def _met_of_all(shares: Mapping[str, Any], tasks: Sequence[str]) -> str:
+    """The shares of some tasks added up; a row that several of them have counts for each."""
+    if not set(tasks) <= shares.keys():
+        return "-"
+    each = [map(int, shares[task].split("/")) for task in tasks]
+    return "/".join(str(sum(numbers)) for numbers in zip(*each, strict=True))
+
+
 def _rows_note(shares: Mapping[str, Mapping[str, Any]]) -> str:
     rows, own = shares["rows"], shares.get("own", {})
     if not rows:
@@ -190,6 +199,7 @@ def _cells(by: Mapping[str, Mapping[str, np.ndarray]]) -> list[str]:
         over_seeds(sampled["success_length"], "success_length").text(0),
         over_seeds(sampled["discounted_return"], "discounted_return").text(),
         over_seeds(mode["success_rate"], "success_rate").text(),
+        f"{np.nanmin(mode['success_rate']):.3f}",
         over_seeds(mode["success_length"], "success_length").text(0),
     ]
 
@@ -198,14 +208,17 @@ def _mean_cells(of: Mapping[str, Any], tasks: Sequence[str]) -> list[str]:
     def of_all(figure: str, policy: str = SAMPLED) -> Estimate:
         return over_tasks(of, tasks, policy, figure)
 
-    worst = min(float(np.nanmin(of[task][SAMPLED]["success_rate"])) for task in tasks)
+    def worst(policy: str) -> str:
+        return f"{min(float(np.nanmin(of[task][policy]['success_rate'])) for task in tasks):.3f}"
+
     return [
         of_all("success_rate").text(),
-        f"{worst:.3f}",
+        worst(SAMPLED),
         *(f"{of_all(name).value:.3f}" for name in ("violation_rate", "env_termination_rate", "timeout_rate")),
         of_all("success_length").text(0),
         of_all("discounted_return").text(),
         of_all("success_rate", MODE).text(),
+        worst(MODE),
         of_all("success_length", MODE).text(0),
     ]
 
