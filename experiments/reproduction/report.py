@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import arithmetic, beside, speed, stored, survival
+from experiments.reproduction import arithmetic, beside, speed, stored, survival, typed
 from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
@@ -106,7 +106,11 @@ def documentation(root: Path) -> Documentation:
             "gradient-step": arithmetic.gradient(results),
             "tables": arithmetic.tables(results),
         },
-        "docs/usage.md": {"plans": beside.plans(results), "kills": survival.kills(results)},
+        "docs/usage.md": {
+            "plans": beside.plans(results),
+            "kills": survival.kills(results),
+            "prompt": typed.typed(results),
+        },
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}
     episodes = of_runs(for_any)
