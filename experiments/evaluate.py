@@ -31,7 +31,7 @@ class Arguments:
     """Another task, by name or as a formula; the run's own by default."""
     tasks: str | None = None
     """Several tasks, by name or as formulas, apart by commas, or a file with one on each line: a table of all."""
-    pools: int = 2
+    pools: int = 1
     """Of how many of the pools of formulas that training drew the rows are counted, to say what it met of --tasks that
     the run's folder says nothing of; each takes seconds, and 0 counts none."""
     certify: int = 0

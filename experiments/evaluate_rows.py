@@ -76,9 +76,10 @@ def _count(result: Result, trained: Config, tasks: Sequence[str], most: int) -> 
     shares = {task: (one.exactly, one.renamed) for task, one in found.by_task.items()}
     if counted == drawn:
         return shares, f"From all {drawn} pools of training: {_listed(tasks)}." if drawn else ""
+    whole = f" --pools {drawn} counts all." if met.pools_counted(trained, result.iteration, drawn) == drawn else ""
     return shares, (
         f">=: at least so many, from {counted} of the {drawn} pools that training drew; the others may hold "
-        f"more, so that no task is called new for a count of 0. --pools {drawn} counts all."
+        f"more, so that no task is called new for a count of 0.{whole}"
     )
 
 

@@ -23,8 +23,9 @@ from t2tl_jax.ltl.languages import Language
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import make_pools
 
-MOST_POOLS = 2
-"""The rows of so many pools are counted where nothing else is said. A pool of hundreds of formulas takes seconds."""
+MOST_POOLS = 1
+"""The rows of so many pools are counted where nothing else is said. A pool of hundreds of formulas takes seconds, and
+the second one asks for that of the evaluation, too."""
 
 _DECIDED = 2
 """The first pools of a curriculum, which do not depend on success in training and can be made again without it."""
