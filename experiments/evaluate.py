@@ -31,6 +31,9 @@ class Arguments:
     """Another task, by name or as a formula; the run's own by default."""
     tasks: str | None = None
     """Several tasks, by name or as formulas, apart by commas, or a file with one on each line: a table of all."""
+    pools: int = 1
+    """Of how many of the pools of formulas that training drew the rows are counted, to say what it met of --tasks that
+    the run's folder says nothing of; each takes seconds, and 0 counts none."""
     certify: int = 0
     """Instead of the table, play so many episodes of each task with one policy, and bound its rates exactly."""
     seed: int | None = None
@@ -66,6 +69,8 @@ def _main(texts: list[str]) -> int:
         raise UserError("give one task (--task) or a list of them (--tasks), not both")
     if arguments.certify < 0:
         raise UserError(f"--certify is a number of episodes, got {arguments.certify}")
+    if arguments.pools < 0:
+        raise UserError(f"--pools is a number of pools, got {arguments.pools}")
     if arguments.gif and (arguments.tasks is not None or arguments.certify):
         raise UserError("--gif draws an episode of a single evaluated task; python -m experiments.play draws any")
     # Imported late: loading JAX and MuJoCo takes seconds, which --help and mistakes need not wait for.
@@ -132,14 +137,16 @@ def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any)
 
     if arguments.certify or tasks is None:
         one: Any = "best" if arguments.which == "best" else "final"
-        made = evaluate_tasks.certify(result, stored, tasks, one, arguments.seed, arguments.policy, arguments.certify)
+        made = evaluate_tasks.certify(
+            result, stored, tasks, one, arguments.seed, arguments.policy, arguments.certify, arguments.pools
+        )
         evaluate_tasks.store_certificates(folder, settings(one, arguments.certify), made)
         print(f"stored: {folder.certificates}")
         return
     chosen = tuple(result.params) if arguments.which == "both" else (arguments.which,)
     shown = settings(arguments.which, arguments.episodes) | {"task": f"{len(tasks)} of a list"}
     print("  ".join(f"{name}: {value}" for name, value in shown.items()), flush=True)
-    reports = evaluate_tasks.evaluate(result, stored, tasks, chosen, arguments.episodes)
+    reports = evaluate_tasks.evaluate(result, stored, tasks, chosen, arguments.episodes, arguments.pools)
     if result.seeds != parse_seeds(stored.seeds):
         print(f"not stored: only seeds {', '.join(map(str, result.seeds))} of {stored.seeds} are kept with parameters")
         return

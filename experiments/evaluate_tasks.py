@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from experiments.evaluate_rows import rows_met
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.task_report import tasks_table
-from t2tl_jax.runs import any_task, certificates, evaluations
+from t2tl_jax.runs import certificates, evaluations
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.evaluations import Which
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
@@ -31,7 +32,7 @@ def listed(text: str) -> list[str]:
 
 
 def evaluate(
-    result: Result, trained: Config, tasks: Sequence[str], which: Sequence[Which], episodes: int
+    result: Result, trained: Config, tasks: Sequence[str], which: Sequence[Which], episodes: int, pools: int
 ) -> dict[Which, Any]:
     """Play every task with both policies of every seed, and print the table.
 
@@ -41,12 +42,14 @@ def evaluate(
         tasks: names or formulas.
         which: of the parameters.
         episodes: per seed, policy and task.
+        pools: of the training whose rows are counted, at most.
 
     Returns:
         Reports by the name of the parameters, of the task and of the policy.
     """
     tables = result.tables(tasks)
     params = {name: result.params_of(name) for name in which}
+    print(f"playing {len(tables)} tasks, {episodes} episodes of each per seed and policy", flush=True)
     played = evaluations.evaluate_tables(
         result.experiment, params, list(tables.values()), episodes, result.config.episode_length
     )
@@ -56,7 +59,7 @@ def evaluate(
         for name in which
         for policy in evaluations.POLICIES
     }
-    print(tasks_table(policies, _met(result, trained, tasks)), flush=True)
+    print(tasks_table(policies, rows_met(result, trained, tasks, pools)), flush=True)
     return reports
 
 
@@ -68,6 +71,7 @@ def certify(
     seed: int | None,
     policy: str,
     episodes: int,
+    pools: int,
 ) -> dict[str, Any]:
     """Bound how often one seed's policy carries out each task, by default the one of `result`, and print the table.
 
@@ -90,7 +94,7 @@ def certify(
         evaluations.POLICIES[policy],
     )
     print(f"seed: {result.seeds[index]}  policy: {which} {policy}")
-    print(certificates.table(found, _met(result, trained, list(tables))), flush=True)
+    print(certificates.table(found, rows_met(result, trained, list(tables), pools)), flush=True)
     return {"seed": result.seeds[index], "policy": policy} | found.as_json()
 
 
@@ -111,8 +115,3 @@ def store_certificates(folder: RunFolder, settings: Mapping[str, Any], made: Map
         write_json(folder.certificates, {"certificates": [*kept, entry]})
     except OSError as error:
         raise UserError(f"cannot write {folder.certificates}: {error.strerror or error}") from error
-
-
-def _met(result: Result, trained: Config, tasks: Sequence[str]) -> dict[str, tuple[str, str]] | None:
-    found = any_task.met_in_training(trained, result.experiment.env, tasks)
-    return None if found is None else {task: (str(met.exactly), str(met.renamed)) for task, met in found.items()}

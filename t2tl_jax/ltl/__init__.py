@@ -41,7 +41,7 @@ from t2tl_jax.ltl.grammar import Grammar
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.progression import progress
 from t2tl_jax.ltl.reward_machine import RewardMachine, Transition, parse_machine
-from t2tl_jax.ltl.split import Share, languages_of_each, row_languages, share, tasks_of
+from t2tl_jax.ltl.split import Share, languages_of_each, row_languages, share, tasks_of, together
 from t2tl_jax.ltl.tasks import (
     NAMED_TASKS,
     PAPER_TASKS,
@@ -125,6 +125,7 @@ __all__ = [
     "sample",
     "share",
     "tasks_of",
+    "together",
     "until",
     "vocabulary_size",
 ]

@@ -57,10 +57,16 @@ def no_formulas() -> LTLError:
     )
 
 
-def unknown_proposition(name: str, known: Sequence[str]) -> UnknownPropositionError:
-    """Return the error for a proposition that is not among the known ones."""
+def unknown_proposition(name: str, known: Sequence[str], *others: str) -> UnknownPropositionError:
+    """Return the error for propositions that are not among the known ones, with the nearest of these for each."""
     listed = ", ".join(known) if known else "none"
-    return UnknownPropositionError(f'unknown proposition "{name}"; known: {listed}{nearest(name, known)}')
+    if not others:
+        return UnknownPropositionError(f'unknown proposition "{name}"; known: {listed}{nearest(name, known)}')
+    unknown = (name, *others)
+    close = [f'"{near}" for "{one}"' for one in unknown if (near := names.nearest(one, known, cutoff=0.5))]
+    meant = f"; did you mean {', '.join(close)}?" if close else ""
+    quoted = ", ".join(f'"{one}"' for one in unknown)
+    return UnknownPropositionError(f"unknown propositions {quoted}; known: {listed}{meant}")
 
 
 def caret(text: str, position: int, width: int = 100) -> str:

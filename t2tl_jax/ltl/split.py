@@ -33,19 +33,31 @@ class Share:
 
     met: int
     rows: int
+    at_least: bool = False
+    """Whether only a part of the training was looked at, so that it may have met more."""
 
     @property
     def unseen(self) -> bool:
-        """Whether it met none."""
-        return self.met == 0
+        """Whether it met none; never said where only a part of the training was looked at."""
+        return self.met == 0 and not self.at_least
 
     def __str__(self) -> str:
-        return f"{self.met}/{self.rows}"
+        return f"{'>=' * (self.at_least and self.met < self.rows)}{self.met}/{self.rows}"
 
 
-def share(rows: Sequence[Language], training: Collection[Language]) -> Share:
-    """What part of some rows those of a training hold; both by `row_languages` with equal settings."""
-    return Share(sum(row in training for row in rows), len(rows))
+def share(rows: Sequence[Language], training: Collection[Language], at_least: bool = False) -> Share:
+    """What part of some rows those of a training hold; both by `row_languages` with equal settings.
+
+    `at_least` where `training` is only a part of what it met.
+    """
+    return Share(sum(row in training for row in rows), len(rows), at_least)
+
+
+def together(shares: Iterable[Share]) -> Share:
+    """The sum of the rows met over the sum of all rows; a row that two tasks share counts twice."""
+    every = list(shares)
+    part = any(one.at_least and one.met < one.rows for one in every)
+    return Share(sum(one.met for one in every), sum(one.rows for one in every), part)
 
 
 def row_languages(

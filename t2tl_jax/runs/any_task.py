@@ -1,29 +1,14 @@
-"""Any formulas for a trained run: tables of equal shapes that its network reads, and what training met of them."""
+"""Any formulas for a trained run: tables of equal shapes that its network reads."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from t2tl_jax.env import LabelledEnv
 from t2tl_jax.errors import UserError, explained
-from t2tl_jax.ltl import (
-    Curriculum,
-    Formula,
-    LTLError,
-    Share,
-    TaskTable,
-    is_family,
-    languages_of_each,
-    resolve,
-    resolve_tasks,
-    share,
-    tasks_of,
-)
+from t2tl_jax.ltl import Formula, LTLError, TaskTable, resolve_tasks
 from t2tl_jax.ltl.compiler.automaton import build
-from t2tl_jax.ltl.languages import Language
 from t2tl_jax.ltl.padding import NODES_PER_ROW, needed_nodes, padded
-from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
-from t2tl_jax.runs.pools import check_open, kept_out
+from t2tl_jax.runs.pools import check_open
 
 ROWS, TOKENS = 32, 64
 """The least room of a table. Nearly every named task fits; for larger ones both double until they do."""
@@ -90,57 +75,6 @@ def compile_each(experiment: Experiment, tasks: Sequence[str]) -> dict[str, Task
         for name, own in tables.items():
             check_open(name, own)
         return tables
-
-
-@dataclass(frozen=True)
-class Met:
-    """How many of the open rows of a task training met."""
-
-    exactly: Share
-    """The same in meaning."""
-    renamed: Share
-    """The same under other names of propositions, too."""
-
-
-def met_in_training(config: Config, env: LabelledEnv, tasks: Sequence[str]) -> dict[str, Met] | None:
-    """What training met of some tasks; see `t2tl_jax.ltl.split`. Pre-training is not counted.
-
-    Of a family as many tasks are looked at as `tasks_of` gives; where it has more, the shares may be too low.
-
-    Args:
-        config: of the run.
-        env: its environment.
-        tasks: names or formulas.
-
-    Returns:
-        By what each task is called in the list; None for a training on reward machines or with other progression,
-        whose rows are not compared.
-    """
-    names, alphabet = env.propositions, env.alphabet
-    trained = _trained_on(config, names)
-    if trained is None:
-        return None
-    exactly, renamed, held_out = set[Language](), set[Language](), kept_out(config, env)
-    for rows in languages_of_each(trained, names, alphabet):
-        if held_out.isdisjoint(rows.values()):
-            exactly |= rows.keys()
-            renamed |= set(rows.values())
-    shares = {}
-    for name, formula in resolve_tasks(tasks).items():
-        (rows,) = languages_of_each([formula], names, alphabet)
-        shares[name] = Met(share(list(rows), exactly), share(list(rows.values()), renamed))
-    return shares
-
-
-def _trained_on(config: Config, names: Sequence[str]) -> list[Formula] | None:
-    """The formulas that a training draws from, and those it leaves out; None where it has none that can be compared."""
-    if config.progression != "exact":
-        return None
-    if not is_family(config.task, names):
-        task = resolve(str(config.task))
-        return [task] if isinstance(task, Formula) else None
-    stages = [stage.family for stage in config.task.stages] if isinstance(config.task, Curriculum) else [config.task]
-    return list(dict.fromkeys(task for family in stages for task in tasks_of(family, names)))
 
 
 def _room(least: int, needed: int) -> int:

@@ -13,6 +13,7 @@ from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.evaluation.report import aligned
 from t2tl_jax.evaluation.statistics import CONFIDENCE, Estimate, exact_rate
+from t2tl_jax.evaluation.task_report import RowsMet
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.policy import seed_slice
@@ -130,21 +131,23 @@ def _certificate(counts: np.ndarray, episodes: int, intervals: int) -> Certifica
     )
 
 
-def table(certificates: Certificates, met: Mapping[str, tuple[str, str]] | None = None) -> str:
+def table(certificates: Certificates, met: RowsMet | None = None) -> str:
     """A table to print: one line per task.
 
     Args:
         certificates: what to show.
         met: per task, as in `tasks_table`.
     """
+    met = met or RowsMet()
     lines: list[tuple[str, ...]] = [("task", "rows met", "renamed", "success", "violation", "time-out", "ended by env")]
     for task, one in certificates.by_task.items():
         others = (f"{count / certificates.episodes:.5f}" for count in (one.timeouts, one.env_terminations))
-        lines.append((task, *(met or {}).get(task, ("-", "-")), one.success.text(5), one.violation.text(5), *others))
+        lines.append((task, *met.cells(task), one.success.text(5), one.violation.text(5), *others))
     number = 2 * len(certificates.by_task)
     return "\n".join(
         [
             *aligned(lines),
+            *met.legend(),
             f"Brackets: exact binomial intervals (Clopper and Pearson) from {certificates.episodes:,} episodes a task.",
             f"All {number} hold at once with {CONFIDENCE:.0%} (Bonferroni, each {1 - (1 - CONFIDENCE) / number:.3%}).",
             f"Played in {certificates.seconds:.1f} s, after {certificates.compile_seconds:.1f} s of compiling.",

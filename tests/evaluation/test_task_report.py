@@ -8,7 +8,8 @@ import pytest
 from t2tl_jax.evaluation.episodes import Episodes
 from t2tl_jax.evaluation.report import Report, summarise
 from t2tl_jax.evaluation.statistics import two_way_mean
-from t2tl_jax.evaluation.task_report import over_tasks, tasks_table
+from t2tl_jax.evaluation.task_report import RowsMet, over_tasks, tasks_table
+from t2tl_jax.ltl import Share
 
 
 def report(*successes: int) -> Report:
@@ -30,15 +31,33 @@ def test_means_are_over_seeds_and_tasks():
     assert found.timeout_rate.value == pytest.approx(0.1) and found.env_termination_rate.value == 0.0
 
 
+def columns(table: str) -> list[list[str]]:
+    """Task, both counts and success of the lines of two tasks and of all."""
+    return [re.split(r"\s{2,}", line)[1:5] for line in table.splitlines()[2:5]]
+
+
 def test_a_table_has_a_line_for_each_task_and_one_for_all():
     reports = {"F Up": report(8, 4), "F(Up | Down)": report(10, 6)}
-    head, _, *lines = tasks_table({"final sampled": reports}, {"F Up": ("0/1", "1/1")}).splitlines()
-    assert re.split(r"\s{2,}", head)[:5] == ["policy", "task", "rows met", "renamed", "success"]
-    one, other, both = (re.split(r"\s{2,}", line)[1:5] for line in lines[:3])
+    met = RowsMet({"F Up": (Share(0, 1), Share(1, 1))}, ["From somewhere."])
+    table = tasks_table({"final sampled": reports}, met)
+    assert re.split(r"\s{2,}", table.splitlines()[0])[:5] == ["policy", "task", "rows met", "renamed", "success"]
+    one, other, both = columns(table)
     assert one[:3] == ["F Up", "0/1", "1/1"] and one[3].startswith("0.600 [")
-    assert other[:3] == ["F(Up | Down)", "-", "-"]  # nothing is known of it
-    assert both[0] == "all tasks" and both[1].startswith("0.700 [")
-    assert "over seeds and tasks" in lines[-1]
+    assert other[:3] == ["F(Up | Down)", "-", "-"]  # nothing is known of it, nor then of both
+    assert both[:3] == ["all tasks", "-", "-"] and both[3].startswith("0.700 [")
+    assert "over seeds and tasks" in table and "From somewhere." in table
+
+
+def test_the_line_of_all_tasks_has_the_sums_of_their_rows():
+    reports = {"F Up": report(8, 4), "F(Up | Down)": report(10, 6)}
+    shares = {"F Up": (Share(0, 1), Share(1, 1)), "F(Up | Down)": (Share(2, 3), Share(3, 3))}
+    *_, both = columns(tasks_table({"final sampled": reports}, RowsMet(shares)))
+    assert both[:3] == ["all tasks", "2/4", "4/4"]
+    part = {"F Up": (Share(0, 1, True), Share(1, 1, True)), "F(Up | Down)": (Share(2, 3), Share(3, 3))}
+    table = tasks_table({"final sampled": reports}, RowsMet(part))
+    one, _, both = columns(table)
+    assert one[1:3] == [">=0/1", "1/1"] and both[1:3] == [">=2/4", "4/4"]
+    assert "a task that is new" not in table  # which a count of 0 from some pools does not show
 
 
 def test_one_seed_has_intervals_over_its_episodes_only():

@@ -127,7 +127,7 @@ def test_certificates_replace_equal_ones(finished, read_json):
 @pytest.mark.parametrize(
     ("flags", "said"),
     [
-        (["--tasks", "phi_safe,z1"], 'z1: unknown proposition "Green"'),
+        (["--tasks", "phi_safe,z1"], 'z1: unknown propositions "Green", "Blue"'),
         (["--tasks", ","], "holds no task"),
         (["--tasks", "F Red", "--task", "F Red"], "not both"),
         (["--tasks", "F Red", "--gif", "True"], "experiments.play draws any"),

@@ -18,6 +18,7 @@ from t2tl_jax.ltl import (
     resolve_tasks,
     row_languages,
     tasks_of,
+    together,
 )
 from t2tl_jax.ltl import share as share_of
 
@@ -62,6 +63,12 @@ def test_renaming_counts_where_training_has_some_names_only():
     assert share_of(rows, frozenset(trained)) == Share(0, 3) and share_of(rows, frozenset(trained)).unseen
     rows = row_languages(["F Blue & F Green"], COLOURS)
     assert share_of(rows, frozenset(row_languages(["F Magenta & F Yellow"], COLOURS))) == Share(3, 3)
+
+
+def test_a_part_of_a_training_shows_no_task_to_be_unseen():
+    none, one = Share(0, 2, at_least=True), Share(1, 1, at_least=True)
+    assert (str(none), str(one)) == (">=0/2", "1/1") and not none.unseen and Share(0, 2).unseen
+    assert str(together([Share(1, 3), one])) == "2/4" and str(together([Share(1, 3), none])) == ">=1/5"
 
 
 @pytest.mark.parametrize("alphabet", ["at_most_one", "every_subset"])

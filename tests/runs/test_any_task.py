@@ -11,7 +11,7 @@ import pytest
 
 from t2tl_jax import Config, EnvConfig, NetworkConfig, OneHotConfig, PPOConfig, UserError
 from t2tl_jax.evaluation.statistics import exact_rate
-from t2tl_jax.ltl import Chains, TaskTable, compile_tasks
+from t2tl_jax.ltl import TaskTable, compile_tasks
 from t2tl_jax.ltl.tokens import FIRST_PROPOSITION
 from t2tl_jax.networks.joined import JoinedConfig
 from t2tl_jax.networks.lookahead import LookaheadConfig
@@ -86,6 +86,7 @@ def test_a_list_is_played_in_one_program_and_each_task_as_if_alone(run):
     ("tasks", "said"),
     [
         (["F Up", "F Sideways"], 'F Sideways: unknown proposition "Sideways"; known: Up, Down'),
+        (["F Up & F Dwn & F x"], 'unknown propositions "Dwn", "x"; known: Up, Down; did you mean "Down" for "Dwn"?'),
         (["F Up", "Up & !Up"], "Up & !Up can never be satisfied"),
         (["F Up", "z9"], 'unknown task "z9"'),
         ([], "the list of tasks is empty"),
@@ -122,23 +123,6 @@ def test_padding_that_is_read_is_as_much_as_in_training():
     assert table.tokens.shape == (32, own)
     with pytest.raises(UserError, match=f"the table has room for 32 rows of {own}"):
         any_task.compile_each(experiment, ["F Up", "F(Up & F(Down & F Up))"])
-
-
-def test_what_training_met():
-    config = Config(env=EnvConfig(), task=TASK, learner=PPO)
-    met = any_task.met_in_training(config, ProbeEnv(), ["F Down", "F Up", "F(Up & F Down)", "Up & X Down"])
-    assert {task: (str(one.exactly), str(one.renamed)) for task, one in met.items()} == {
-        "F Down": ("1/1", "1/1"),
-        "F Up": ("0/1", "1/1"),
-        "F(Up & F Down)": ("2/2", "2/2"),
-        "Up & X Down": ("0/2", "0/2"),
-    }
-    family = replace(config, task=Chains(depth=(1, 2), avoid=(0, 0)))
-    assert any_task.met_in_training(family, ProbeEnv(), ["F Up"])["F Up"].exactly.met == 1
-    held_out = replace(family, pool=replace(config.pool, held_out="F(Up & F Down)"))
-    assert any_task.met_in_training(held_out, ProbeEnv(), ["F Up"])["F Up"].renamed.unseen
-    machines = replace(config, task="rm_t1")
-    assert any_task.met_in_training(machines, ProbeEnv(), ["F Up"]) is None
 
 
 @pytest.fixture(scope="module")

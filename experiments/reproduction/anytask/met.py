@@ -18,7 +18,6 @@ from experiments.reproduction.anytask.suites import Suite
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import (
     Formula,
-    TaskTable,
     compile_tasks,
     is_family,
     languages,
@@ -34,6 +33,7 @@ from t2tl_jax.registry import make_env
 from t2tl_jax.runs import config_files, pool_workers
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
+from t2tl_jax.runs.met import new_rows, pools_drawn
 from t2tl_jax.runs.pools import make_pools
 
 FILE = "met.json"
@@ -60,7 +60,7 @@ _of_pools: dict[str, Rows] = {}
 
 def rows_trained_on(config: Config, env: LabelledEnv) -> Rows:
     """The languages of all open rows of all pools of a training."""
-    numbers = range(-(-config.iterations // config.pool.period))
+    numbers = range(pools_drawn(config, config.iterations))
     pools = (config.task, config.pool, config.limits, config.progression)
     drawn_by = repr((*pools, env.propositions, env.alphabet, numbers))
     if drawn_by not in _of_pools:
@@ -82,7 +82,7 @@ def _rows_of_pools(config: Config, env: LabelledEnv, numbers: range) -> Rows:
     pools = make_pools(config, env)
     assert pools is not None
     for number in numbers:
-        known.update(_renamed(pools.training(number), known))
+        known.update(new_rows(pools.training(number), known))
     return frozenset(known), frozenset(known.values())
 
 
@@ -92,18 +92,9 @@ _known: dict[Language, Language] = {}
 
 def _new_in(number: int) -> dict[Language, Language]:
     """The open rows of a pool that this process had not met before."""
-    new = _renamed(pool_workers.draw(number), _known)
+    new = new_rows(pool_workers.draw(number), _known)
     _known.update(new)
     return new
-
-
-def _renamed(table: TaskTable, known: dict[Language, Language]) -> dict[Language, Language]:
-    """The open rows of a table that are not known: their languages, and the classes of these."""
-    automaton = table.automaton()
-    rows = np.flatnonzero(automaton.verdict == 0).tolist()
-    found = languages.of_rows(automaton.every_letter(), automaton.verdict, rows)
-    new = {language: row for language, row in zip(found, rows, strict=True) if language not in known}
-    return dict(zip(new, renaming.of_rows(automaton.steps, automaton.verdict, new.values()), strict=True))
 
 
 def shares(config: Config, tasks: dict[str, list[Formula]], elsewhere: Iterable[tuple[Suite, str]] = ()) -> Shares:

@@ -40,9 +40,8 @@ def check_names(
     if not formulas:
         raise LTLError("a table needs at least one task, got none")
     mentioned = dict.fromkeys(name for formula in formulas for name in formula.propositions())
-    for name in mentioned:
-        if name not in names:
-            raise unknown_proposition(name, names)
+    if unknown := [name for name in mentioned if name not in names]:
+        raise unknown_proposition(unknown[0], names, *unknown[1:])
     check_count(len(mentioned), alphabet)
     if len(mentioned) > limits.max_propositions:
         raise TooLargeError(
