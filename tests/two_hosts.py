@@ -4,7 +4,9 @@ Modules are loaded once, before any child is made, and JAX computes in the child
 ``FOLDER/NAME.log``, and its exit code in ``FOLDER/NAME.code``.
 """
 
+import contextlib
 import os
+import random
 import signal
 import socket
 import sys
@@ -46,7 +48,10 @@ CONFIG = replace(
 """Three seeds, so that two devices are filled up to four."""
 
 DYING = ("--config", "fake", "--seeds", "4", "--frames", "2000", "--run.checkpoint-period", "0")
-"""Of the run that loses a process."""
+"""Of a run that loses a process."""
+
+REFUSED = ("--config", "fake", "--seeds", "2")
+"""Of a run whose seeds are too few for two processes of two devices each."""
 
 LIMIT = 400
 """Seconds until a child that hangs is ended, as nobody else would."""
@@ -112,8 +117,12 @@ def alone(folder: Path) -> None:
     t2tl_jax.train(CONFIG, folder=folder / "alone")
 
 
-def together(folder: Path, address: str, index: int) -> None:
-    with hosts.joined(hosts.Hosts(address, 2, index)):
+def together(folder: Path, job: int, index: int) -> None:
+    """As two tasks of SLURM, which says so in variables."""
+    said = {"JOB_ID": job, "PROCID": index, "LOCALID": index, "NTASKS": 2, "STEP_NODELIST": "localhost"}
+    os.environ.update({f"SLURM_{name}": str(value) for name, value in said.items()})
+    _, given = hosts.read(["--hosts", "slurm"])
+    with hosts.joined(given):
         assert (len(jax.devices()), len(jax.local_devices())) == (2, 1)
         t2tl_jax.train(CONFIG, folder=folder / "together", callbacks=[Stop(index)])
         result = t2tl_jax.resume(folder / "together")
@@ -122,20 +131,26 @@ def together(folder: Path, address: str, index: int) -> None:
         np.savez(folder / f"ppo{index}", *ppo_of_one_seed(over=2))
 
 
-def dying(folder: Path, address: str, index: int) -> int:
-    """The command, of which the second process is killed once there is a checkpoint."""
+def dying(folder: Path, name: str, victim: int, address: str, index: int) -> int:
+    """The command, of which one process is killed once there is a complete checkpoint."""
     os.environ["FAKE_SECONDS"] = "0.1"
     hosts.PATIENCE = 3.0
 
     def watch() -> None:
-        while not list(folder.glob("dying/fake/*/checkpoints/*/info/metadata")):
+        while not any(path.name.isdecimal() for path in folder.glob(f"{name}/fake/*/checkpoints/*")):  # its last name
             time.sleep(0.02)
-        (folder / "killed").write_text(str(time.time()))
+        (folder / f"{name}.killed").write_text(str(time.time()))
         os.kill(os.getpid(), signal.SIGKILL)
 
-    if index == 1:
+    if index == victim:
         threading.Thread(target=watch, daemon=True).start()
-    return experiments.run.main([*DYING, "--run.folder", str(folder / "dying"), "--hosts", f"{address},2,{index}"])
+    return experiments.run.main([*DYING, "--run.folder", str(folder / name), "--hosts", f"{address},2,{index}"])
+
+
+def refused(folder: Path, address: str, index: int) -> int:
+    """The command, which cannot be done with so many processes; the second one is late."""
+    time.sleep(index)
+    return experiments.run.main([*REFUSED, "--run.folder", str(folder / "refused"), "--hosts", f"{address},2,{index}"])
 
 
 def child(name: str, folder: Path, devices: int, function: Callable[..., int | None], *arguments) -> int:
@@ -162,17 +177,29 @@ def free_address() -> str:
         return f"localhost:{free.getsockname()[1]}"
 
 
+def free_job() -> int:
+    """The number of a job of SLURM, which the port depends on: the number modulo 4096, counted from 61440."""
+    for job in random.sample(range(4096), 100):
+        with socket.socket() as free, contextlib.suppress(OSError):
+            free.bind(("localhost", 61440 + job))
+            return job
+    raise RuntimeError("no port is free")
+
+
 def main(folder: Path) -> None:
-    first, second = free_address(), free_address()
     names = {child("alone", folder, 2, alone): "alone"}
-    names |= {child(f"together{i}", folder, 1, together, first, i): f"together{i}" for i in (0, 1)}
-    names |= {child(f"dying{i}", folder, 1, dying, second, i): f"dying{i}" for i in (0, 1)}
+    for index, job in enumerate([free_job()] * 2):
+        names[child(f"together{index}", folder, 1, together, job, index)] = f"together{index}"
+    for name, victim in (("dying", 1), ("headless", 0)):
+        for index, address in enumerate([free_address()] * 2):
+            names[child(f"{name}{index}", folder, 1, dying, name, victim, address, index)] = f"{name}{index}"
+    for index, address in enumerate([free_address()] * 2):
+        names[child(f"refused{index}", folder, 2, refused, address, index)] = f"refused{index}"
     while names:
         pid, status = os.wait()
         name = names.pop(pid)
         (folder / f"{name}.code").write_text(str(os.waitstatus_to_exitcode(status)))
-        if name == "dying0":
-            (folder / "ended").write_text(str(time.time()))
+        (folder / f"{name}.ended").write_text(str(time.time()))
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
+from experiments.cli import last_words
 from t2tl_jax.errors import UserError
 
 FLAG = "--hosts"
@@ -37,7 +38,7 @@ PATIENCE = 20.0
 RUNTIME = re.compile(r"(UNKNOWN|INTERNAL|UNAVAILABLE|ABORTED|CANCELLED|DEADLINE_EXCEEDED|FAILED_PRECONDITION): ")
 """How errors of XLA begin."""
 
-LOST = 1
+LOST = last_words.EXIT
 """Exit code of a process that ends because another one did."""
 
 
@@ -93,6 +94,7 @@ def joined(hosts: Hosts | None) -> Iterator[None]:
     if hosts is None:
         yield
         return
+    last_words.guard()
     _join(hosts)
     watch = Watch()
     try:
@@ -127,10 +129,11 @@ class Watch:
 
     def __init__(self) -> None:
         """Begin."""
-        from t2tl_jax.training.hosts import PREFIX, index, store
+        from t2tl_jax.training.hosts import PREFIX, count, index, store
 
-        self.index, self._store = index(), store()
-        self._alive, self._gone = f"{PREFIX}/alive", f"{PREFIX}/gone"
+        self.index, self._count, self._store = index(), count(), store()
+        self._alive, self._gone, self._left = (f"{PREFIX}/{name}" for name in ("alive", "gone", "left"))
+        self._speaks = threading.Lock()  # by the first that has a reason to end, and never given back
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._look, name="hosts", daemon=True)
         self._thread.start()
@@ -153,19 +156,52 @@ class Watch:
         """End this process, and all others, because of an error. Does not return."""
         from experiments.cli.errors import INVALID
 
-        if isinstance(error, UserError) and not _is_of_runtime(error):
-            print(f"error: {error}", file=sys.stderr)
-            code = INVALID
-        else:
+        refused = isinstance(error, UserError) and not _is_of_runtime(error)
+        if isinstance(error, Exception) and not refused:
             # A process that is lost breaks whatever the others do with it. Who it was, the watch knows in a moment.
-            if isinstance(error, Exception):
-                time.sleep(PATIENCE + 4 * POLL)
+            time.sleep(PATIENCE + 4 * POLL)
+        self._speaks.acquire()
+        last_words.close()
+        if refused:
+            print(f"error: {error}", file=sys.stderr)
+        else:
             traceback.print_exception(error)
-            code = LOST
+        code, said = INVALID if refused else LOST, str(error) or type(error).__name__
+        words = said if refused else said.splitlines()[0]
         with contextlib.suppress(Exception):
-            said = str(error).splitlines() or [type(error).__name__]
-            self._store.key_value_set(f"{self._gone}/{self.index}", said[0][:500])
-            time.sleep(4 * POLL)  # the first process has the store, where the others look it up
+            self._store.key_value_set(f"{self._gone}/{self.index}", f"{code} {words}")
+        self._leave(code)
+
+    def _lost(self, process: str, reason: str) -> None:
+        """End this process because another one ended. Does not return."""
+        self._speaks.acquire()
+        if not last_words.close():
+            words = f"error: process {process} of this run ended: {reason[:500]}"
+            print(f"{words}\n{last_words.WAY_OUT}", file=sys.stderr)
+        self._leave(LOST, process)
+
+    def _told(self, process: str, text: str) -> None:
+        """End this process because of an error in another one, which says its exit code and its words."""
+        code, _, reason = text.partition(" ")
+        if int(code) == LOST:
+            self._lost(process, reason)
+        self._speaks.acquire()
+        last_words.close()
+        print(f"error: {reason}", file=sys.stderr)
+        self._leave(int(code))
+
+    def _leave(self, code: int, lost: str = "") -> None:
+        """End this process: the first one last, as JAX aborts the others without it, but not for one that is lost."""
+        with contextlib.suppress(Exception):
+            if self.index:
+                self._store.key_value_set(f"{self._left}/{self.index}", "")
+            until = time.monotonic() + PATIENCE
+            while not self.index and time.monotonic() < until:
+                left = {name.rpartition("/")[2] for name, _ in self._store.key_value_dir_get(f"{self._left}/")}
+                if len(left | ({lost} - {""})) >= self._count - 1:
+                    break
+                time.sleep(POLL / 5)
+            time.sleep(0 if self.index else POLL)  # who has said so, leaves in a moment
         _leave(code)
 
     def _look(self) -> None:
@@ -180,17 +216,17 @@ class Watch:
                 alive = dict(self._store.key_value_dir_get(f"{self._alive}/"))
             except Exception as error:  # of whatever kind the store raises
                 if not self._over.is_set():
-                    _lost("0", f"its store of names cannot be reached ({str(error).splitlines()[0][:200]})")
+                    self._lost("0", f"its store of names cannot be reached ({str(error).splitlines()[0][:200]})")
                 return
             for name, reason in gone.items():
                 if (other := name.rpartition("/")[2]) != str(self.index):
-                    _lost(other, reason)
+                    self._told(other, reason)
             now = time.monotonic()
             for name, sign in alive.items():
                 if seen.get(name, ("", now))[0] != sign:
                     seen[name] = sign, now
                 elif now - seen[name][1] > PATIENCE:
-                    _lost(name.rpartition("/")[2], f"no sign of life for {PATIENCE:.0f} seconds")
+                    self._lost(name.rpartition("/")[2], f"no sign of life for {PATIENCE:.0f} seconds")
 
 
 def _is_of_runtime(error: BaseException | None) -> bool:
@@ -200,16 +236,6 @@ def _is_of_runtime(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
-
-
-def _lost(process: str, reason: str) -> None:
-    """End this process because another one ended."""
-    print(
-        f"error: process {process} of this run ended: {reason}\n"
-        "The others end with it. The run goes on from its last checkpoint with --resume RUN, on any number of hosts.",
-        file=sys.stderr,
-    )
-    _leave(LOST)
 
 
 def _leave(code: int) -> None:

@@ -24,6 +24,9 @@ from t2tl_jax.training.program import Program, place_params
 MOST = 0.9
 """Share of a device's memory that a program may take."""
 
+SIZES = ("buffer_size", "num_envs")
+"""Fields of learners that the memory of one seed grows with."""
+
 
 def fit(experiment: Experiment, compilation: Compilation, width: int = 0) -> tuple[int, Compiled]:
     """How many seeds are on the devices together, and the program of all seeds that goes through such groups.
@@ -34,6 +37,9 @@ def fit(experiment: Experiment, compilation: Compilation, width: int = 0) -> tup
         experiment: what is trained.
         compilation: of the experiment, under way.
         width: of an earlier session, which is kept if it fits: programs of different widths round differently.
+
+    Raises:
+        UserError: if the fewest seeds, or as many as the configuration says, need more memory than a device has.
     """
     count, asked = experiment.program.count, experiment.config.run.seeds_at_once
     width = min(asked or width or count, count)
@@ -49,6 +55,7 @@ def fit(experiment: Experiment, compilation: Compilation, width: int = 0) -> tup
                 "groups that train in turns are for a single host: take more hosts, or fewer seeds"
             )
         if most == width:
+            check_room(experiment, program, compiled.iterate)
             return width, compiled if width == count else in_chunks(program, compiled, count)
         width = most
         warnings.warn(
@@ -72,18 +79,58 @@ def fitting(compiled: Any, width: int, memory: int | None = None) -> int:
         width: its seeds.
         memory: bytes of one device; by default those that are there.
     """
-    given = compiled.memory_analysis()
+    need = needed(compiled)
     memory = device_memory() if memory is None else memory
-    if given is None or memory is None:  # not told on this hardware
+    if need is None or memory is None:  # not told on this hardware
         return width
-    sizes = given.argument_size_in_bytes, given.output_size_in_bytes, given.temp_size_in_bytes
-    need = sum(sizes) - given.alias_size_in_bytes
     return width if need <= MOST * memory else max(1, int(width * MOST * memory / need))
+
+
+def needed(compiled: Any) -> int | None:
+    """Bytes that a program takes on each of its devices; None where the compiler does not say."""
+    given = compiled.memory_analysis()
+    if given is None:
+        return None
+    sizes = given.argument_size_in_bytes, given.output_size_in_bytes, given.temp_size_in_bytes
+    return sum(sizes) - given.alias_size_in_bytes
+
+
+def check_room(experiment: Experiment, program: Program, compiled: Any) -> None:
+    """Say so where a program that cannot be split up further needs more memory than there is.
+
+    On a CPU a `Note` says it: the memory is the machine's, and what others have of it now they may give back.
+
+    Raises:
+        UserError: on other devices, which have what they have.
+    """
+    need, memory = needed(compiled), device_memory()
+    if need is None or memory is None:
+        return
+    on_cpu, where = one_device().platform == "cpu", "its device has"
+    if on_cpu:  # of which any device may take more than its share
+        used = 1 if program.sharding is None else len(program.sharding.addressable_devices)
+        need, memory, where = need * used, memory * jax.local_device_count(), "this machine has free"
+    if need <= memory:
+        return
+    run, learner = experiment.config.run, experiment.config.learner
+    flags = ["--run.seeds-at-once"] if run.seeds_at_once > 1 else []
+    flags += [f"--learner.{name.replace('_', '-')}" for name in SIZES if hasattr(learner, name)]
+    what = "one seed needs" if program.count == 1 else f"{program.count:,} seeds side by side need"
+    words = f"{what} {need / 2**30:,.2f} GiB of memory, and {where} {memory / 2**30:,.2f} GiB"
+    way_out = f"smaller with {' or '.join(flags)}" if flags else "make the numbers of the learner smaller"
+    if not on_cpu:
+        raise UserError(f"{words}: {way_out}")
+    warnings.warn(f"{words}: it may be ended for it, or be slow; {way_out}", Note, stacklevel=3)
+
+
+def one_device() -> jax.Device:
+    """One of the devices of this process, which are alike."""
+    return jax.local_devices()[0]
 
 
 def device_memory() -> int | None:
     """Bytes that one device has for programs; None if it does not say. On a CPU, its share of what is free."""
-    device = jax.local_devices()[0]
+    device = one_device()
     if device.platform != "cpu":
         return (device.memory_stats() or {}).get("bytes_limit")
     try:

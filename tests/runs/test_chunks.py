@@ -1,6 +1,7 @@
 """Seeds that do not fit into memory together train in groups, and nothing else changes."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -9,9 +10,12 @@ import pytest
 
 import tests.fake_learner  # noqa: F401
 from t2tl_jax import resume, train
-from t2tl_jax.errors import Note
+from t2tl_jax.agents.dqn_config import DQNConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
+from t2tl_jax.errors import Note, UserError
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import chunks
+from tests.fake_agent import FakeConfig
 from tests.fake_runs import StopAfter
 from tests.runs.test_stored_runs import restored
 
@@ -28,6 +32,75 @@ def test_groups_are_even_and_as_large_as_fits():
     assert 3 <= chunks.fitting(compiled, 10, memory=4 * 10**6) <= 5
     assert chunks.fitting(compiled, 10, memory=1) == 1
     assert chunks.device_memory() is None or chunks.device_memory() > 10**6
+
+
+class Device:
+    """A made-up one."""
+
+    def __init__(self, platform, memory):
+        self.platform, self._memory = platform, memory
+
+    def memory_stats(self):
+        return {"bytes_limit": self._memory}
+
+
+class Compiled:
+    """A made-up program, of so many bytes."""
+
+    def __init__(self, size):
+        self.argument_size_in_bytes = self.output_size_in_bytes = self.alias_size_in_bytes = 0
+        self.temp_size_in_bytes = size
+
+    def memory_analysis(self):
+        return self
+
+
+@pytest.mark.parametrize(
+    ("learner", "at_once", "seeds", "said"),
+    [
+        (
+            PPOConfig(),
+            0,
+            1,
+            "one seed needs 3.00 GiB of memory, and its device has 2.00 GiB: smaller with --learner.num",
+        ),
+        (DQNConfig(), 0, 1, "smaller with --learner.buffer-size or --learner.num-envs$"),
+        (FakeConfig(), 0, 1, "2.00 GiB: make the numbers of the learner smaller"),
+        (
+            PPOConfig(),
+            2,
+            2,
+            "2 seeds side by side need 3.00 GiB .*smaller with --run.seeds-at-once or --learner.num-envs",
+        ),
+    ],
+)
+def test_what_is_too_large_for_a_device_is_refused(learner, at_once, seeds, said, monkeypatch):
+    monkeypatch.setattr(chunks, "one_device", lambda: Device("gpu", 2 * 2**30))
+    config = replace(five_seeds(at_once), learner=learner)
+    experiment, program = SimpleNamespace(config=config), SimpleNamespace(count=seeds, sharding=None)
+    with pytest.raises(UserError, match=said):
+        chunks.check_room(experiment, program, Compiled(3 * 2**30))
+    chunks.check_room(experiment, program, Compiled(2 * 2**30))  # may just fit
+
+
+def test_what_is_too_large_for_a_processor_is_told(monkeypatch):
+    """Whose memory is that of the machine, of which each device has a share."""
+    experiment, program = SimpleNamespace(config=five_seeds()), SimpleNamespace(count=1, sharding=None)
+    memory = 2**30 * jax.local_device_count()
+    monkeypatch.setattr(chunks, "device_memory", lambda: 2**30)
+    with pytest.warns(
+        Note, match=r"one seed needs .* GiB of memory, and this machine has free .* GiB: it may be ended"
+    ):
+        chunks.check_room(experiment, program, Compiled(memory + 1))
+    chunks.check_room(experiment, program, Compiled(memory))
+
+
+@pytest.mark.slow
+def test_a_seed_that_is_too_large_is_refused_before_it_trains(tmp_path, monkeypatch):
+    monkeypatch.setattr(chunks, "one_device", lambda: Device("gpu", 100))
+    with pytest.warns(Note, match="train side by side"), pytest.raises(UserError, match="one seed needs"):
+        train(five_seeds(), folder=tmp_path / "run")
+    assert not (tmp_path / "run" / "checkpoints" / "1").exists()
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from experiments import run
-from experiments.cli import hosts
+from experiments.cli import hosts, last_words
 from t2tl_jax import load, resume, train
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.registry import named_config
@@ -84,19 +84,21 @@ def left(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("store", "said"),
+    ("store", "code", "said"),
     [
-        ({"t2tl_jax/gone/1": "cannot create a run"}, "process 1 of this run ended: cannot create a run"),
-        ({"t2tl_jax/alive/1": "7"}, "process 1 of this run ended: no sign of life for 0 seconds"),
-        ({"broken": "yes"}, "process 0 of this run ended: its store of names cannot be reached"),
+        ({"t2tl_jax/gone/1": "2 cannot create a run"}, "2", "error: cannot create a run\n"),
+        ({"t2tl_jax/gone/1": "1 division by zero"}, "1", "process 1 of this run ended: division by zero\n"),
+        ({"t2tl_jax/alive/1": "7"}, "1", "process 1 of this run ended: no sign of life for 0 seconds"),
+        ({"broken": "yes"}, "1", "process 0 of this run ended: its store of names cannot be reached"),
     ],
 )
-def test_a_process_that_is_gone_is_noticed(store, said, left, monkeypatch, capsys):
+def test_a_process_that_is_gone_is_noticed(store, code, said, left, monkeypatch, capsys):
     monkeypatch.setattr(hosts.threading.Thread, "start", lambda thread: None)
     monkeypatch.setattr("t2tl_jax.training.hosts.store", lambda: Store(store))
-    with pytest.raises(Left, match="1"):
+    with pytest.raises(Left, match=code):
         hosts.Watch()._look()
-    assert said in capsys.readouterr().err
+    words = capsys.readouterr().err
+    assert said in words and ("--resume RUN" in words) == (code == "1")
 
 
 def test_an_error_is_told_to_the_others(left, monkeypatch, capsys):
@@ -105,7 +107,31 @@ def test_an_error_is_told_to_the_others(left, monkeypatch, capsys):
     monkeypatch.setattr("t2tl_jax.training.hosts.store", lambda: store)
     with pytest.raises(Left, match="2"):
         hosts.Watch().fail(UserError("no such folder\nbut others"))
-    assert store == {"t2tl_jax/gone/0": "no such folder"} and "error: no such folder" in capsys.readouterr().err
+    assert store == {"t2tl_jax/gone/0": "2 no such folder\nbut others"}
+    assert capsys.readouterr().err == "error: no such folder\nbut others\n"
+
+
+def test_the_first_process_leaves_last(left, monkeypatch):
+    class Filling(Store):
+        """In which the others say one after the other that they leave."""
+
+        def key_value_dir_get(self, folder):
+            before = super().key_value_dir_get(folder)
+            self.setdefault("t2tl_jax/left/2" if before else "t2tl_jax/left/1", "")
+            return before
+
+    monkeypatch.setattr(hosts.threading.Thread, "start", lambda thread: None)
+    monkeypatch.setattr("t2tl_jax.training.hosts.count", lambda: 3)
+    monkeypatch.setattr(hosts, "PATIENCE", 60.0)
+    for end in (
+        lambda watch: watch.fail(UserError("no such folder")),
+        lambda watch: watch._lost("2", "no sign of life"),
+    ):
+        store = Filling()
+        monkeypatch.setattr("t2tl_jax.training.hosts.store", lambda store=store: store)
+        with pytest.raises(Left):
+            end(hosts.Watch())
+        assert sum(name.startswith("t2tl_jax/left/") for name in store) == 2
 
 
 @pytest.mark.parametrize(
@@ -133,6 +159,14 @@ def test_an_error_of_the_runtime_may_be_of_any_kind():
     assert hosts._is_of_runtime(caught.value) and not hosts._is_of_runtime(UserError("unknown task"))
 
 
+def test_an_abort_for_want_of_the_first_process_is_told_in_words():
+    """And nothing else is: what is no abort, or one for another reason."""
+    other = [b"W1125 07:28:32.908701 2152 slow.cc:1] slow\n", b"F1125 07:28:32.908701 2152 b.cc:1] Check failed\n"]
+    fatal = b"F1125 07:28:10.1 1625 client.h:80] Terminating process because the JAX distributed service detected\n"
+    assert list(last_words.readable(other)) == other
+    assert list(last_words.readable([other[0], fatal, b"*** trace\n"])) == [other[0], last_words.LOST.encode()]
+
+
 # ----- two processes -----
 
 
@@ -148,6 +182,12 @@ def folder(tmp_path_factory):
 def ended(folder, name):
     """Exit code and words of a process."""
     return int((folder / f"{name}.code").read_text()), (folder / f"{name}.log").read_text()
+
+
+def seconds_to_end(folder, name, index):
+    """From the death of the other process to the end of this one."""
+    killed, end = (float((folder / file).read_text()) for file in (f"{name}.killed", f"{name}{index}.ended"))
+    return end - killed
 
 
 @pytest.mark.slow
@@ -184,11 +224,31 @@ def test_the_environments_of_one_seed_over_two_processes(folder, name):
 
 
 @pytest.mark.slow
+def test_what_all_processes_refuse_each_of_them_says(folder):
+    for name in ("refused0", "refused1"):
+        code, said = ended(folder, name)
+        assert code == 2 and said.startswith("error: there is work for 2 of 4 devices"), said
+        assert "leaves 1 of 2 hosts idle: take more seeds or fewer hosts" in said and said.count("\n") == 1, said
+    assert not (folder / "refused").exists()
+
+
+@pytest.mark.slow
+def test_without_the_first_process_the_others_end_in_plain_words(folder):
+    code, said = ended(folder, "headless1")
+    assert code == 1 and "error: another process of this run ended, most likely process 0" in said, said
+    assert "goes on from its last checkpoint with --resume RUN" in said and "***" not in said, said
+    assert seconds_to_end(folder, "headless", 1) < 10
+    (run,) = (folder / "headless" / "fake").iterdir()
+    iteration, _ = restored(run)
+    assert iteration > 0  # there is a checkpoint to go on from
+
+
+@pytest.mark.slow
 def test_one_that_dies_ends_the_other_and_the_run_goes_on_elsewhere(folder, tmp_path):
     code, said = ended(folder, "dying0")
     assert code == 1 and "process 1 of this run ended: no sign of life for 3 seconds" in said, said
     assert "The run goes on from its last checkpoint with --resume RUN" in said
-    assert float((folder / "ended").read_text()) - float((folder / "killed").read_text()) < 20
+    assert seconds_to_end(folder, "dying", 0) < 20
 
     (run,) = (folder / "dying" / "fake").iterdir()
     result = resume(run)  # on one device, in one process
