@@ -13,7 +13,7 @@ START, PRETRAINING, TRAINING, CHECKPOINT, EVALUATION = PHASES = (
     "writing a checkpoint",
     "evaluating",
 )
-"""In the order of a run. A checkpoint may be one of the training or of the pre-training."""
+"""In the order of a run. A checkpoint may be one of either training; evaluating lasts to the end."""
 
 UNFINISHED = "*.orbax-checkpoint-tmp"
 """A checkpoint has this name until it is complete."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import arithmetic, beside, speed, stored, survival
+from experiments.reproduction import arithmetic, beside, room, speed, stored, survival
 from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
@@ -102,8 +102,13 @@ def documentation(root: Path) -> Documentation:
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),
             "tables": arithmetic.tables(results),
+            "replays": room.replays(results),
         },
-        "docs/usage.md": {"plans": beside.plans(results), "kills": survival.kills(results)},
+        "docs/usage.md": {
+            "plans": beside.plans(results),
+            "kills": survival.kills(results),
+            "large-table": room.table(results),
+        },
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}
     episodes = of_runs(for_any)
