@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import arithmetic, beside, speed, stored, survival, typed
+from experiments.reproduction import arithmetic, beside, room, speed, stored, survival, typed
 from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
@@ -105,10 +105,12 @@ def documentation(root: Path) -> Documentation:
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),
             "tables": arithmetic.tables(results),
+            "replays": room.replays(results),
         },
         "docs/usage.md": {
             "plans": beside.plans(results),
             "kills": survival.kills(results),
+            "large-table": room.table(results),
             "prompt": typed.typed(results),
         },
     }

@@ -1,7 +1,9 @@
 """What came out when a run was killed at random moments, from stored results."""
 
 import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from experiments.reproduction.page import origin, paragraph
 from t2tl_jax.runs.folder import read_json
@@ -15,10 +17,18 @@ def kills(results: Path) -> str:
     if not (results / FILE).is_file():
         return "Not measured yet."
     stored = read_json(results / FILE)
-    moments, ends, differing = stored["killed_after"], stored["ends"], stored["differing"]
+    hits, ends, differing = stored["kills"], stored["ends"], stored["differing"]
     outcome = "all equal bit for bit to one that was let alone" if not differing else f"{differing} of them **differ**"
     text = f"""
-        Stored: {len(moments)} kills of `{shlex.join(stored["flags"])}`, which takes {stored["seconds"]:.0f} s let
-        alone, {min(moments):.1f} to {max(moments):.1f} s after each start; {ends} runs came to their end, {outcome}.
-        {origin([stored["where"]])}"""
-    return paragraph(text)
+        Stored: {len(hits)} kills of `{shlex.join(stored["flags"])}`, which takes {stored["seconds"]:.0f} s let alone;
+        {ends} runs came to their end, {outcome}. {origin([stored["where"]])}"""
+    return f"{paragraph(text)}\n\n{_table(stored['phases'], hits)}"
+
+
+def _table(phases: Iterable[str], hits: Sequence[Mapping[str, Any]]) -> str:
+    """What the kills hit, and when; of phases that were met only by kills, too."""
+    lines = ["| what was killed | kills | seconds after a start |", "|---|---|---|"]
+    for phase in dict.fromkeys([*phases, *(hit["phase"] for hit in hits)]):
+        after = sorted(hit["after"] for hit in hits if hit["phase"] == phase)
+        lines.append(f"| {phase} | {len(after)} | {', '.join(f'{moment:.1f}' for moment in after) or '-'} |")
+    return "\n".join(lines)

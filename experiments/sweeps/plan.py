@@ -88,7 +88,11 @@ def read(texts: Sequence[str]) -> Plan:
         if number is not None and number < least:
             raise UserError(f"--{flag} takes a whole number from {least} on, got {number}")
     asked = request.read(rest)
-    if asked.resume is not None or asked.show_list or not (own.space if searches else own.grid):
+    if asked.show_list:
+        raise UserError("a sweep lists nothing: python -m experiments.run --list shows what has a name")
+    if asked.resume is not None:
+        raise UserError("a sweep has no --resume: the same command goes on after an interruption")
+    if not (own.space if searches else own.grid):
         wanted = "--space FIELD=RANGE" if searches else "--grid FIELD=VALUE,VALUE"
         raise UserError(f"a sweep takes --config NAME and at least one {wanted}; see {PROG} --help")
     config, name = request.configuration(asked, "", PROG)

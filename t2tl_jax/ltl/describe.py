@@ -4,20 +4,35 @@ from collections.abc import Collection, Sequence
 
 from t2tl_jax.ltl.compiler.automaton import Automaton
 from t2tl_jax.ltl.compiler.cubes import guard
+from t2tl_jax.ltl.errors import TooLargeError
+
+MOST_DRAWN = 4096
+"""Most rows of a picture; Graphviz draws no more in a time that anybody waits."""
+
+FEW_TARGETS = 20
+"""Most rows after one whose transitions are listed where a table is described in short."""
 
 _VERDICT = {1: "true", -1: "false", 0: "open"}
 
 
-def describe(automaton: Automaton) -> str:
+def describe(automaton: Automaton, most: int | None = None) -> str:
     """Return a listing of rows (verdict, formula and tokens, or state) with their transitions; rows in which nothing
-    can change (true and false) list none."""
+    can change (true and false) list none.
+
+    Args:
+        automaton: what to describe.
+        most: how many rows to list, the first ones; of a table with more, only transitions from rows that lead to few
+            others. None for all of it.
+    """
     rows, letters = len(automaton.verdict), automaton.steps.num_letters
+    tasks = len(automaton.initial_row)
     lines = [
-        f"{rows} rows, {len(automaton.initial_row)} task{'s' * (len(automaton.initial_row) != 1)}, {letters} letters "
+        f"{rows:,} rows, {tasks:,} task{'s' * (tasks != 1)}, {letters:,} letters "
         f"({automaton.alphabet} of {', '.join(automaton.used) or 'no propositions'})"
     ]
     starts = automaton.initial_row.tolist()
-    for row in range(rows):
+    listed = rows if most is None else min(rows, most)
+    for row in range(listed):
         begins = [str(task) for task, start in enumerate(starts) if start == row]
         mark = f"   <- task {', '.join(begins)}" if begins else ""
         lines.append(f"\nrow {row} [{_VERDICT[int(automaton.verdict[row])]}]{mark}")
@@ -26,7 +41,9 @@ def describe(automaton: Automaton) -> str:
         else:
             lines.append(f"  formula  {automaton.text(row)}")
             lines.append(f"  tokens   {len(automaton.tokens[row])}: {' '.join(map(str, automaton.tokens[row]))}")
-        if automaton.verdict[row] == 0:
+        if listed < rows and automaton.steps.reaches_more_than(row, FEW_TARGETS):
+            lines.append(f"  -> more than {FEW_TARGETS} {'rows' if automaton.pays is None else 'rows or rewards'}")
+        elif automaton.verdict[row] == 0:
             lines += [f"  -> {target:<4d}  {condition}" for target, condition in transitions(automaton, row)]
     return "\n".join(lines)
 
@@ -67,7 +84,13 @@ def describe_word(automaton: Automaton, word: Sequence[Collection[str]], task: i
 
 
 def to_dot(automaton: Automaton) -> str:
-    """Return the reachable part of the automaton as Graphviz text."""
+    """Return the reachable part of the automaton as Graphviz text.
+
+    Raises:
+        TooLargeError: for so many rows that nothing draws them.
+    """
+    if (rows := len(automaton.verdict)) > MOST_DRAWN:
+        raise TooLargeError(f"{rows:,} rows cannot be drawn, {MOST_DRAWN:,} at most; a listing needs no picture")
     lines = ["digraph tasks {", "  rankdir=LR;", '  node [shape=box, style=rounded, fontname="monospace"];']
     reached = list(dict.fromkeys(automaton.initial_row.tolist()))
     for row in reached:

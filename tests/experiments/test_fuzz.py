@@ -267,21 +267,18 @@ def test_configurations_of_run_folders(finished_run, command):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["resume", "evaluate"])
-def test_run_folders(finished_run, command):
+@pytest.mark.parametrize(("command", "count"), [("resume", 25), ("evaluate", 5), ("compare", 30)])
+def test_run_folders(finished_run, command, count):
+    """More of what is soon over; an evaluation compiles (`test_damaged_runs.py` has its program)."""
+
     @given(damage())
-    @examples(5)
+    @examples(count)
     def one(how):
         with tempfile.TemporaryDirectory() as base:
             folder = Path(shutil.copytree(finished_run, Path(base, "run")))
             spoil(folder, *how)
             before = digests(folder)
-            if command == "resume":
-                code, errors = said(run.main, "--resume", str(folder), "--frames", "300")
-            else:
-                code, errors = said(
-                    evaluate.main, str(folder), "--episodes", "4"
-                )  # `test_damaged_runs.py` has its program
+            code, errors = COMMANDS[command](folder)
             assert is_polite(code, errors), (how, code, errors)
             assert code == 0 or digests(folder) == before, how
 

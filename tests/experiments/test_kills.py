@@ -1,13 +1,17 @@
 """The command that kills a run at random moments, with the fake learner's run."""
 
 import json
+import os
+import random
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from experiments.benchmarks import kills
+from experiments.benchmarks.phases import CHECKPOINT, EVALUATION, PHASES, PRETRAINING, START, TRAINING, Watch, phase
 from experiments.reproduction import survival
 from tests.runs.test_killed_runs import SAME
 
@@ -29,13 +33,69 @@ def test_two_kills_leave_no_trace(tmp_path):
     assert last == f"2 kills, {len(ends)} runs that came to their end, 0 of them differ"
     said = " ".join(survival.kills(tmp_path).split())
     assert "2 kills of `--import tests.fake_learner --config fake" in said and "all equal bit for bit" in said
+    assert {kill["phase"] for kill in json.loads((tmp_path / survival.FILE).read_text())["kills"]} <= set(PHASES)
+
+
+def test_the_stored_kills_hit_every_phase():
+    stored = json.loads((Path(__file__).parents[2] / "results" / survival.FILE).read_text())
+    assert len(stored["kills"]) >= 20 and stored["differing"] == 0
+    assert {kill["phase"] for kill in stored["kills"]} == set(PHASES) == set(stored["phases"])
+    assert all(0 <= kill["after"] <= 2 * stored["seconds"] for kill in stored["kills"])
+
+
+def written(path, at):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text('{"state": "training"}')
+    os.utime(path, (at, at))
+
+
+def test_what_a_run_is_doing_is_read_off_its_folder(tmp_path):
+    """Of two processes, which begin at 0 and at 100."""
+    first, old = tmp_path / "pretraining", 50
+    assert phase(None, "", 0) == phase(tmp_path, "", 0) == START
+    for name in ("metrics.csv", "status.json"):
+        written(first / name, old)
+    assert phase(tmp_path, "", 0) == PRETRAINING and phase(tmp_path, "", 100) == START
+    (first / "status.json").write_text('{"state": "finished"}')
+    assert phase(tmp_path, "", 0) == START
+    written(tmp_path / "metrics.csv", old)
+    assert phase(tmp_path, "", 0) == TRAINING and phase(tmp_path, "", 100) == START
+    assert phase(tmp_path, "evaluating the final and the best parameters", 0) == EVALUATION
+    for base in (tmp_path, first):
+        unfinished = base / "checkpoints" / "3.orbax-checkpoint-tmp"
+        unfinished.mkdir(parents=True)
+        assert phase(tmp_path, "", 0) == phase(tmp_path, "", 100) == CHECKPOINT
+        unfinished.rmdir()
+
+
+def test_kills_aim_at_what_was_hit_least():
+    lengths, moments = {"training": 3.0, CHECKPOINT: 0.5}, random.Random(0)
+    hits = [kills.Kill("training", 1.0)]
+    for _ in range(20):
+        aim = kills._aim(moments, lengths, [])
+        assert (aim.phase, aim.number) == ("training", 1) and 0 <= aim.wait <= 3
+        aim = kills._aim(moments, lengths, hits)
+        assert aim.phase == CHECKPOINT and 1 <= aim.number <= 3 and 0 <= aim.wait <= 0.5
+
+
+def test_a_watch_counts_seconds_and_times(monkeypatch):
+    now = 0.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    watch = Watch(begin=0.0)
+    for now, doing in ((1, TRAINING), (2, CHECKPOINT), (4, TRAINING), (5, CHECKPOINT), (9, TRAINING)):  # noqa: B007
+        watch.see(doing)
+    now = 10.0
+    assert watch.lengths() == {START: 1, TRAINING: 3, CHECKPOINT: 3} and watch.entered == 10
 
 
 def test_a_run_that_differs_is_shown(tmp_path):
     assert survival.kills(tmp_path) == "Not measured yet."
-    stored = {"where": {}, "flags": ["--config", "x"], "seconds": 3.0, "killed_after": [0.5, 2.0], "ends": 2}
-    (tmp_path / survival.FILE).write_text(json.dumps(stored | {"differing": 1}))
-    assert "2 runs came to their end, 1 of them **differ**" in " ".join(survival.kills(tmp_path).split())
+    hits = [{"phase": "training", "after": after} for after in (2.0, 0.5)]
+    stored = {"where": {}, "flags": ["--config", "x"], "seconds": 3.0, "phases": {"training": 1, "evaluating": 1}}
+    (tmp_path / survival.FILE).write_text(json.dumps(stored | {"kills": hits, "ends": 2, "differing": 1}))
+    said = survival.kills(tmp_path)
+    assert "2 runs came to their end, 1 of them **differ**" in " ".join(said.split())
+    assert said.endswith("| training | 2 | 0.5, 2.0 |\n| evaluating | 0 | - |")
 
 
 def test_a_run_that_differs_is_told(tmp_path):

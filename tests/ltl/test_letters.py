@@ -301,7 +301,7 @@ def test_a_large_table_is_described_by_what_its_rows_read():
     text = compile_tasks("F(p0 & (p23 | F p7))", MANY).describe()
     assert "8 letters (every_subset of p0, p7, p23)" in text and "  -> 0     p0 & p23 | p0 & p7" in text
     text = compile_tasks(chain(MANY), MANY).describe()
-    assert "16777216 letters" in text and "  -> 2     !p0\n" in text
+    assert "16,777,216 letters" in text and "  -> 2     !p0\n" in text
 
 
 def test_more_than_an_int32_can_hold_is_refused():

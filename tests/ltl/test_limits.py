@@ -85,10 +85,28 @@ def test_limits_are_checked():
     assert Limits().work(2) == 7_500 * 4096 + 1_000_000
 
 
-def test_the_command_takes_the_same_limits(capsys):
-    assert main([ANY_ORDER, "--max-tokens", "16"]) == 2
-    assert "max_tokens=16: raise it to 17 or more" in capsys.readouterr().err
-    assert main([ANY_ORDER, "--max-tokens", "17"]) == 0
+@pytest.mark.parametrize("field", BEYOND)
+def test_the_command_takes_the_same_limits_and_names_its_own_flag(field, capsys):
+    text, limit = BEYOND[field]
+    flag = f"--{field.replace('_', '-')}"
+    options = ["--propositions", ",".join(NAMES)]
+    for _ in range(20):
+        code = main([text, *options, flag, str(limit)])
+        said = capsys.readouterr().err
+        if code == 0:
+            break
+        assert code == 2 and "--limits." not in said and "of a run" not in said
+        limit = re.search(rf"\({flag} (\d+)\)", said).group(1)
+    assert code == 0
+
+
+def test_the_command_names_its_own_flag_for_tokens_too(capsys):
+    options = ["--alphabet", "at_most_one", "--max-cells"]
+    assert main([ANY_ORDER, *options, "1000"]) == 2
+    assert "the limit is max_cells=1,000: raise it to 1,105 or more (--max-cells 1105)" in capsys.readouterr().err
+    assert main([ANY_ORDER, *options, "1105"]) == 0
+    assert main([ANY_ORDER, "--max-rows", "5"]) == 2
+    assert "10 might do (--max-rows 10)" in capsys.readouterr().err
 
 
 def test_more_propositions_than_usual_and_as_deep_as_allowed():

@@ -1,11 +1,16 @@
 """`python -m t2tl_jax.ltl`: what it prints, and how it fails."""
 
+import re
 import subprocess
 import sys
+import time
 
 import pytest
 
 from t2tl_jax.ltl.__main__ import main
+from t2tl_jax.ltl.compiler.automaton import build
+from t2tl_jax.ltl.compiler.budget import Limits
+from t2tl_jax.ltl.describe import describe
 
 
 def test_prints_rows_and_word(capsys):
@@ -74,6 +79,47 @@ def test_formulas_stand_before_or_behind_options(options, capsys):
     empty, *shown = capsys.readouterr().out.split("digraph")
     assert not empty and len(shown) == len(ways) and len(set(map(str.strip, shown))) == 1 and "F b" in shown[0]
     assert main(["--max-rows", "2", "F a", "F b"]) == 2  # the number is the option's own
+
+
+EIGHT = " & ".join(f"F {name}" for name in "abcdefgh")
+
+
+def test_a_large_table_is_described_in_short(capsys):
+    assert main([EIGHT, "--word", "a;b"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("257 rows, 1 task, 256 letters") and out.count("\nrow ") == 20
+    assert "row 2 [open]   <- task 0" in out and "  -> more than 20 rows" in out
+    assert "... and 237 more rows, not listed" in out and "--show-rows 0 for all" in out
+    assert re.search(r"compiled in \d+\.\d s; the longest row has 23 tokens", out)
+    assert "word, task 0" in out and "2 {b}" in out
+
+
+def test_as_many_rows_as_asked_for(capsys):
+    assert main([EIGHT, "--show-rows", "30"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("\nrow ") == 30 and "... and 227 more" in out
+    assert main([EIGHT, "--show-rows", "0"]) == main([EIGHT, "--show-rows", "257"]) == 0
+    whole = capsys.readouterr().out
+    assert whole.count("\nrow ") == 2 * 257 and "more" not in whole
+    assert whole.count("  -> ") == 2 * (3**8 - 1)  # from a set of goals to each of its subsets, but from none
+    assert main([EIGHT, "--show-rows", "-1"]) == 2
+    assert "--show-rows takes a whole number from 0 on, got -1" in capsys.readouterr().err
+
+
+def test_more_rows_than_a_picture_has(capsys):
+    thirteen = " & ".join(f"F {name}" for name in "abcdefghijklm")
+    assert main([thirteen, "--dot", "--max-rows", "10000"]) == 2
+    assert "8,193 rows cannot be drawn, 4,096 at most" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("alphabet", ["every_subset", "at_most_one"])
+def test_a_huge_table_is_described_soon(alphabet):
+    names = tuple("abcdefghijklmno")
+    automaton = build(" & ".join(f"F {name}" for name in names), names, alphabet, limits=Limits(max_rows=40_000))
+    begin = time.process_time()
+    said = describe(automaton, 20)
+    assert time.process_time() - begin < 1 and said.startswith("32,769 rows")
 
 
 def test_help(capsys):

@@ -146,10 +146,12 @@ def test_what_does_not_fit_into_memory_is_refused(folder, monkeypatch):
         checkpoints.read(wanted, "replay")
 
 
-def test_a_clock_that_jumps_back_changes_nothing(folder, monkeypatch):
-    now = time.time()
-    monkeypatch.setattr(time, "time", lambda: now - 1e8)
-    monkeypatch.setattr(time, "time_ns", lambda: int((now - 1e8) * 1e9))
+@pytest.mark.parametrize("jump", [-1e8, 1e8], ids=["back", "ahead"])
+def test_a_clock_that_jumps_changes_nothing(folder, monkeypatch, jump):
+    """Of whole runs: `test_clock.py`."""
+    now = time.time() + jump
+    monkeypatch.setattr(time, "time", lambda: now)
+    monkeypatch.setattr(time, "time_ns", lambda: int(now * 1e9))
     with Checkpoints(folder) as checkpoints:
         checkpoints.save(3, state(3), {}, replay="replay")
         assert checkpoints.iterations() == [2, 3] and checkpoints.read(wanted, "replay").iteration == 3

@@ -1,5 +1,6 @@
 """Bounds on what compiling one table may cost, so that no formula can hang the program; each can be raised."""
 
+import re
 from dataclasses import dataclass, field
 
 from t2tl_jax.ltl.errors import LTLError, TooLargeError
@@ -47,6 +48,12 @@ def way_out(limit: str, least: int) -> str:
     """How to raise a limit: in Python, and as a flag."""
     flag = f"--limits.{limit.replace('_', '-')}"
     return f"raise it to {least:,} or more ({limit} of Limits; of a run {flag} {least})"
+
+
+def way_out_alone(message: str) -> str:
+    """The message of a limit for `python -m t2tl_jax.ltl`, whose flag is `--max-rows`, and which pads no table."""
+    message = re.sub(r"pad to fewer tokens \(of a run [^)]*\), or ", "", message)
+    return re.sub(r"\((?:max_\w+ of Limits; )?of a run --limits\.([\w-]+ \d+)\)", r"(--\1)", message)
 
 
 @dataclass

@@ -50,9 +50,11 @@ def cover(steps: Steps, row: int, outcomes: Collection[int]) -> list[Cube]:
         TooManyCubes: for more than anybody would read.
     """
     sets = _Sets()
-    node_of = {int(node): sets.TRUE if node in outcomes else sets.FALSE for node in range(steps.outcomes)}
+    node_of: dict[int, int] = {}
     for node in steps.below([int(steps.root[row])]).tolist():
-        if node >= steps.outcomes:
+        if node < steps.outcomes:
+            node_of[node] = sets.TRUE if node in outcomes else sets.FALSE
+        else:
             low, high = node_of[int(steps.low[node])], node_of[int(steps.high[node])]
             node_of[node] = sets.diagrams.node(int(steps.variable[node]), low, high)
     letters = node_of[int(steps.root[row])]

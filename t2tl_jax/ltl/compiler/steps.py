@@ -65,6 +65,19 @@ class Steps:
         """The outcomes that some letter leads to, in their order."""
         return [int(node) for node in self.below([int(self.root[row])]) if node < self.outcomes]
 
+    def reaches_more_than(self, row: int, most: int) -> bool:
+        """Whether letters lead from a row to more outcomes than so many; without counting them all."""
+        seen, stack, found = {int(self.root[row])}, [int(self.root[row])], 0
+        while stack and found <= most:
+            node = stack.pop()
+            if node < self.outcomes:
+                found += 1
+                continue
+            after = {int(self.low[node]), int(self.high[node])} - seen
+            seen |= after
+            stack += after
+        return found > most
+
     def below(self, nodes: Iterable[int]) -> np.ndarray:
         """Every node that some of `nodes` lead to, themselves included, in their order."""
         stack = list(nodes)
