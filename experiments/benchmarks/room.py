@@ -88,10 +88,11 @@ def table(goals: int) -> dict[str, Any]:
 
 def replay(config: str, method: str, seeds: int) -> dict[str, Any]:
     """The bytes of the replay of a configuration, for all seeds together."""
-    import jax
+    with quiet_imports():
+        import jax
 
-    from experiments.cli import request
-    from t2tl_jax.runs import experiment
+        from experiments.cli import request
+        from t2tl_jax.runs import experiment
 
     asked = request.read(["--config", config, "--method", method, "--seeds", str(seeds)])
     built = experiment.build(request.configuration(asked, "", "python -m experiments.benchmarks.room")[0])

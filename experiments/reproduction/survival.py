@@ -21,7 +21,8 @@ def kills(results: Path) -> str:
     outcome = "all equal bit for bit to one that was let alone" if not differing else f"{differing} of them **differ**"
     text = f"""
         Stored: {len(hits)} kills of `{shlex.join(stored["flags"])}`, which takes {stored["seconds"]:.0f} s let alone;
-        {ends} runs came to their end, {outcome}. {origin([stored["where"]])}"""
+        {ends} runs came to their end, {outcome}. What was hit is read off the folder; the checkpoint may be one of the
+        pre-training, and evaluating lasts to the end of the program. {origin([stored["where"]])}"""
     return f"{paragraph(text)}\n\n{_table(stored['phases'], hits)}"
 
 
