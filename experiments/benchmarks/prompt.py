@@ -7,6 +7,7 @@ before was as large, are the warming up, and are not counted.
 import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -17,6 +18,7 @@ import tyro
 from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
+from t2tl_jax.errors import UserError
 from t2tl_jax.flags import parse
 from t2tl_jax.quiet import quiet_imports
 
@@ -76,7 +78,10 @@ def measure(run: Path, formulas: int) -> dict[str, Any]:
     result = load(run)
     draw, rng = make_sampler(result.config.task, result.experiment.env.propositions), Random(0)
     prompt = Prompt(result, episode_length=LENGTH)
-    played = [prompt.play(str(draw(rng))) for _ in range(formulas)]
+    played: list[Any] = []
+    while len(played) < formulas:
+        with suppress(UserError):  # no episode can satisfy it, or it is larger than what the network reads
+            played.append(prompt.play(str(draw(rng))))
     counted = [one for one in played if not one.is_new_shape]
     times: Mapping[str, list[float]] = {
         "compile_ms": [one.compile_ms for one in counted],

@@ -8,20 +8,24 @@ import pytest
 import t2tl_jax
 from experiments.benchmarks import prompt
 from experiments.reproduction import typed
+from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import Chains
 from t2tl_jax.runs import prompt as prompts
 
 
 @pytest.fixture
 def played(monkeypatch):
-    """Formulas that were played: the first one compiles a program, the others take 1, 2, 3, ... ms."""
-    texts = []
+    """Formulas that were played, after three that cannot be: the first compiles a program, the others take 1, 2, ... ms."""
+    texts, refused = [], []
 
     class Played:
         def __init__(self, result, episode_length):
             assert episode_length == prompt.LENGTH
 
         def play(self, text):
+            if len(refused) < 3:
+                refused.append(text)
+                raise UserError("no episode can satisfy it")
             texts.append(text)
             took = 900.0 if len(texts) == 1 else len(texts) - 1.0
             return SimpleNamespace(is_new_shape=len(texts) == 1, compile_ms=took / 2, action_ms=took)
