@@ -15,7 +15,7 @@ from t2tl_jax.runs import prompt as prompts
 
 @pytest.fixture
 def played(monkeypatch):
-    """Formulas that were played, after three that cannot be: the first compiles a program, the others take 1, 2, ... ms."""
+    """Formulas that were played, after three that cannot be: the first compiles, the others take 1, 2, ... ms."""
     texts, refused = [], []
 
     class Played:
