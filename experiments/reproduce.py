@@ -54,9 +54,9 @@ class Arguments:
     """Only write what the documentation shows of the repository's stored results: docs/results.md, docs/zeroshot.md,
     the tables between markers in README.md and docs, and their pictures."""
     keep: bool = False
-    """Copy finished runs of full scale into results/paper and results/any, which needs that they were made from clean
-    commits of this history. Of the methods' own runs the parameters of the first seed are kept too, where they are
-    small."""
+    """Train nothing, but copy finished runs of full scale into results/paper and results/any, which needs that they
+    were made from clean commits of this history. Of the methods' own runs the parameters of the first seed are kept
+    too, where they are small."""
     list: bool = False
     """Only show the items and their runs."""
 
@@ -118,7 +118,11 @@ def _main(texts: Sequence[str]) -> int:
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
     anew = not any(base.glob("*/status.json"))
-    if arguments.workers:
+    failed: list[str] = []
+    if arguments.keep:
+        base.mkdir(parents=True, exist_ok=True)
+        print("nothing is trained; what is finished is kept")
+    elif arguments.workers:
         jax.config.update("jax_platforms", "cpu")  # this process only waits, and then reads what there is
         progress = work.Progress(runs, names, scale, base)
         options = [text for name in SHARED for text in (f"--{name}", str(getattr(arguments, name)))]

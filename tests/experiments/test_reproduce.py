@@ -363,6 +363,12 @@ def test_a_frozen_encoder_is_found_again_whatever_its_pretraining_is_called(runs
     assert not work.is_done(run, scale, tmp_path / "run")  # not trained, but the same
 
 
+def test_what_is_kept_is_finished_and_nothing_is_trained(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(work, "do_all", lambda *_: pytest.fail("it trains"))
+    assert reproduce.main(["--only", "representations", "--keep", "True", "--folder", str(tmp_path / "runs")]) == 0
+    assert "nothing is trained" in (said := capsys.readouterr().out) and "0 of 1 runs are done" in said
+
+
 @pytest.mark.slow
 def test_the_command_lists_items_and_refuses_what_it_does_not_know(capsys):
     assert reproduce.main(["--list", "--only", "fig-zone,tables-steps"]) == 0
