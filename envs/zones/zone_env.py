@@ -202,7 +202,8 @@ class ZoneEnv(LabelledEnv):
         """
         del params
         before: ZoneState = state.pipeline_state
-        robot, acceleration = self._physics.step_and_acceleration(before.robot, action)
+        with jax.named_scope("physics"):
+            robot, acceleration = self._physics.step_and_acceleration(before.robot, action)
         failed = ~jnp.isfinite(jnp.concatenate([robot.qpos, robot.qvel, acceleration])).all()
         at_rest = PointState(qpos=before.qpos, qvel=jnp.zeros_like(before.qvel))
         robot = jax.tree.map(lambda safe, new: jnp.where(failed, safe, new), at_rest, robot)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import arithmetic, beside, room, speed, stored, survival, typed
+from experiments.reproduction import arithmetic, beside, profiles, room, speed, stored, survival, typed
 from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
@@ -101,6 +101,8 @@ def documentation(root: Path) -> Documentation:
             "aims": aims(results),
             "whole": speed.whole(paper),
             "smoke": speed.smoke(results),
+            "profiles": profiles.profiles(results),
+            "gains": profiles.gains(results),
             "scaling": scaling(results),
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),

@@ -216,7 +216,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         )
         steps = apply(state.params, done.carry, done.obs, done.action, done.reward, method="extend")
         stored = Transition(done.obs, done.action, done.state.obs, done.row, done.shared, done.truncated, steps)
-        buffer = replay.add(state.buffer, with_mark(stored, marked))
+        with jax.named_scope("replay"):
+            buffer = replay.add(state.buffer, with_mark(stored, marked))
         return replace(state, episodes=episodes, carry=carry, buffer=buffer), done
 
     def encode(state: DQNState, table: TaskTable, known: Any) -> tuple[Embedding, Callable | None]:
@@ -229,7 +230,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         if apart(table):
             return partial(codes_of, state.params, table, known), None
         if codes_move:
-            return jax.vjp(lambda params: embed(params, table), state.params)
+            with jax.named_scope("codes"):
+                return jax.vjp(lambda params: embed(params, table), state.params)
         return known, None
 
     def copied(state: DQNState, embedding: Any, count: jax.Array) -> DQNState:
@@ -239,12 +241,13 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             embedding = ()
         if reader.learned and not codes_move:
             params = with_encoder(params, state.target_params["params"][PART])  # the same: nothing to be copied
-        target_params, target_embedding = optax.periodic_update(
-            (params, embedding),
-            (state.target_params, state.target_embedding),
-            count,
-            config.target_period,
-        )
+        with jax.named_scope("target"):
+            target_params, target_embedding = optax.periodic_update(
+                (params, embedding),
+                (state.target_params, state.target_embedding),
+                count,
+                config.target_period,
+            )
         return replace(state, target_params=target_params, target_embedding=target_embedding)
 
     def update(
@@ -264,7 +267,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         every step; with gradients of zero Adam's moments and the parameters stay what they were, and only its counter
         has to be held.
         """
-        batch = replay.sample(state.buffer, key)
+        with jax.named_scope("replay"):
+            batch = replay.sample(state.buffer, key)
         rows, movement = None, {}
         if isinstance(batch, Marked):
             rows = drawn_rows(table, batch, marked, rows_drawn, jax.random.fold_in(key, ROWS))
@@ -278,21 +282,23 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             target = state.target_params, target_embedding
             return dqn_loss(config, network, table, params, embedding, *target, batch, phi, rows)
 
-        if pullback is not None:
-            (direct, by_embedding), scalars = jax.grad(loss, argnums=(0, 1), has_aux=True)(state.params, embedding)
-            gradient = optax.tree.add(direct, pullback(by_embedding)[0])
-        else:
+        with jax.named_scope("loss"):
+            if pullback is not None:
+                (direct, by_embedding), scalars = jax.grad(loss, argnums=(0, 1), has_aux=True)(state.params, embedding)
+                gradient = optax.tree.add(direct, pullback(by_embedding)[0])
+            else:
 
-            def direct_loss(params: Params) -> tuple[jax.Array, dict[str, jax.Array]]:
-                return loss(params, partial(codes_of, params, table, known) if apart(table) else embedding)
+                def direct_loss(params: Params) -> tuple[jax.Array, dict[str, jax.Array]]:
+                    return loss(params, partial(codes_of, params, table, known) if apart(table) else embedding)
 
-            gradient, scalars = jax.grad(direct_loss, has_aux=True)(state.params)
-        gradient = jax.tree.map(lambda x: jnp.where(ready, x, 0.0), gradient)
-        updates, opt_state = optimizer.update(gradient, state.opt_state, state.params)
-        opt_state = jax.tree.map(
-            lambda new, old: jnp.where(ready, new, old) if new.ndim == 0 else new, opt_state, state.opt_state
-        )
-        params = optax.apply_updates(state.params, updates)
+                gradient, scalars = jax.grad(direct_loss, has_aux=True)(state.params)
+            gradient = jax.tree.map(lambda x: jnp.where(ready, x, 0.0), gradient)
+        with jax.named_scope("optimiser"):
+            updates, opt_state = optimizer.update(gradient, state.opt_state, state.params)
+            opt_state = jax.tree.map(
+                lambda new, old: jnp.where(ready, new, old) if new.ndim == 0 else new, opt_state, state.opt_state
+            )
+            params = optax.apply_updates(state.params, updates)
         return replace(state, params=params, opt_state=opt_state), scalars | movement
 
     def iterate(state: DQNState, env_params: TaskParams) -> tuple[DQNState, Metrics]:

@@ -260,12 +260,16 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         params, opt_state = carry
 
         def loss(params: Params) -> tuple[jax.Array, dict[str, jax.Array]]:
-            return ppo_loss(config, network, params, codes(params, table, embedding, minibatch.row), minibatch)
+            with jax.named_scope("codes"):
+                task = codes(params, table, embedding, minibatch.row)
+            return ppo_loss(config, network, params, task, minibatch)
 
-        gradient, scalars = jax.grad(loss, has_aux=True)(params)
-        updates, opt_state = optimizer.update(gradient, opt_state, params)
-        scalars["gradient_norm"] = optax.tree.norm(gradient)
-        return (optax.apply_updates(params, updates), opt_state), scalars
+        with jax.named_scope("loss"):
+            gradient, scalars = jax.grad(loss, has_aux=True)(params)
+        with jax.named_scope("optimiser"):
+            updates, opt_state = optimizer.update(gradient, opt_state, params)
+            scalars["gradient_norm"] = optax.tree.norm(gradient)
+            return (optax.apply_updates(params, updates), opt_state), scalars
 
     def epoch(
         table: TaskTable, embedding: jax.Array, carry: tuple[Params, optax.OptState], key: jax.Array, batch: Batch
@@ -280,18 +284,21 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         key, rollout_key, epochs_key = jax.random.split(state.key, 3)
 
         # COLLECT
-        embedding = embed(state.params, table)  # one for acting and for the values: the parameters are the same
+        with jax.named_scope("codes"):  # once for acting and for the values: the parameters are the same
+            embedding = embed(state.params, table)
         (noise, carry, _), episodes, transitions, metrics = collect(state, env_params, embedding, rollout_key)
 
         # ADVANTAGE
-        batch = on_each(make_batch(embedding, state.params, transitions))  # minibatches choose among all samples
+        with jax.named_scope("advantage"):
+            batch = on_each(make_batch(embedding, state.params, transitions))  # minibatches choose among all samples
 
         # UPDATE
-        (params, opt_state), scalars = jax.lax.scan(
-            lambda carry, key: epoch(table, embedding, carry, key, batch),
-            (state.params, state.opt_state),
-            jax.random.split(epochs_key, config.epochs),
-        )
+        with jax.named_scope("minibatches"):
+            (params, opt_state), scalars = jax.lax.scan(
+                lambda carry, key: epoch(table, embedding, carry, key, batch),
+                (state.params, state.opt_state),
+                jax.random.split(epochs_key, config.epochs),
+            )
 
         new_state = PPOState(
             params=params,

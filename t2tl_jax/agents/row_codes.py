@@ -1,8 +1,9 @@
 """The codes of tasks in a gradient step: of a small table every row is encoded, of a large one those of the minibatch.
 
-Of a large table, cost and memory follow the distinct rows of the minibatch, some of which are encoded at once. Nothing
-is left out, so values and gradients are those of the whole table to rounding. All shapes are fixed; what varies is how
-many rounds a loop makes.
+A minibatch of fewer samples than the table has rows has the row of each sample encoded. Of a large table and a large
+minibatch, cost and memory follow the distinct rows of the minibatch, some of which are encoded at once. Nothing is left
+out, so values and gradients are those of the whole table to rounding. All shapes are fixed; what varies is how many
+rounds a loop makes.
 """
 
 from collections.abc import Callable
@@ -60,6 +61,9 @@ def make_codes(reader: TaskEncoderConfig, frozen: bool, encode: Encode, encode_r
         large = table.num_rows > LARGE
         if not reader.learned or (frozen and large):
             return known[rows]
+        if reader.rows_apart and rows.size <= min(ROWS_AT_ONCE, table.num_rows // 2):
+            row = rows.reshape(-1)
+            return encode_rows(params, table, row, known[row]).reshape(*rows.shape, -1)
         if reader.rows_apart and large:
             return lookup(params, table, known, rows)
         # Each distinct formula is encoded once; the gather's gradient sums over the samples of a row.

@@ -119,9 +119,11 @@ def advance(
     """One step of all environments; finished episodes are replaced by new ones of `limit` steps."""
     act_key, reset_key = jax.random.split(key)
     before = episodes.state
-    action, chosen, extras = policy.act(carry, before, act_key)
-    after, shared = jax.vmap(partial(env.step_for_all, params=env_params))(before, action)
-    failed = jax.vmap(env.failed)(after, shared)
+    with jax.named_scope("policy"):
+        action, chosen, extras = policy.act(carry, before, act_key)
+    with jax.named_scope("environment"):
+        after, shared = jax.vmap(partial(env.step_for_all, params=env_params))(before, action)
+        failed = jax.vmap(env.failed)(after, shared)
 
     moved = dataclasses.replace(
         episodes,
@@ -152,9 +154,11 @@ def advance(
     )
     keys = jax.random.split(reset_key, len(ended))
     limits = jnp.full(len(ended), limit, jnp.int32)
-    fresh = jax.vmap(partial(_fresh, env, env_params))(keys, limits, episodes.turn + 1)
-    carry = policy.observe(chosen, before, action, after.reward, ended)
-    return where(ended, fresh, moved), carry, step
+    with jax.named_scope("policy"):
+        carry = policy.observe(chosen, before, action, after.reward, ended)
+    with jax.named_scope("reset"):
+        fresh = jax.vmap(partial(_fresh, env, env_params))(keys, limits, episodes.turn + 1)
+        return where(ended, fresh, moved), carry, step
 
 
 def unroll(

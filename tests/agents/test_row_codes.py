@@ -50,8 +50,10 @@ def test_each_row_once(small, held, room):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("at_once", [ROWS_AT_ONCE, 20])  # in rounds; and all 20 samples, which are few for 48 rows
 @pytest.mark.parametrize("name", APART)
-def test_values_and_gradients_are_those_of_the_whole_table(small, name):
+def test_values_and_gradients_are_those_of_the_whole_table(small, name, at_once, monkeypatch):
+    monkeypatch.setattr(row_codes, "ROWS_AT_ONCE", at_once)
     reader = APART[name]
     encoder = make_task_encoder(reader)
     assert reader.rows_apart and reader.learned
@@ -76,6 +78,21 @@ def test_values_and_gradients_are_those_of_the_whole_table(small, name):
     np.testing.assert_allclose(known, there, atol=1e-6)
     np.testing.assert_allclose(value, expected, rtol=1e-5)
     chex.assert_trees_all_close(gradient, wanted, atol=1e-5)
+
+
+@pytest.mark.parametrize(("samples", "encoded"), [(24, 24), (25, 48)])
+def test_a_minibatch_with_fewer_samples_than_rows_has_them_encoded(samples, encoded):
+    """Half the rows of the table or fewer: the arithmetic is theirs."""
+    encoder = make_task_encoder(TRANSFORMER)
+    codes = row_codes.make_codes(TRANSFORMER, False, encoder.apply, partial(encoder.apply, method="of_rows"))
+    params, rows = parameters(encoder, TABLE), jnp.zeros(samples, int)
+    known = jnp.zeros((TABLE.num_rows, TRANSFORMER.code_size))
+
+    def flops(function):
+        return jax.jit(function).lower(params).cost_analysis()["flops"]
+
+    apart = flops(lambda params: encoder.apply(params, TABLE, jnp.arange(encoded), None, method="of_rows"))
+    assert flops(lambda params: codes.of(params, TABLE, known, rows)) == pytest.approx(apart, rel=0.01)
 
 
 @pytest.mark.slow

@@ -1,0 +1,178 @@
+"""What steps towards speed were to gain, and did: ``python -m experiments.benchmarks.gains --json FILE``.
+
+Each compares two forms of the same work, whose results are equal or as good. The gain that is predicted is the ratio of
+their arithmetic; the measured one that of their times, which are taken by turns within one process.
+"""
+
+import statistics
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from experiments.benchmarks import json_file
+from experiments.cli.errors import guarded
+from t2tl_jax import checks
+from t2tl_jax.errors import explained
+from t2tl_jax.flags import parse
+from t2tl_jax.quiet import quiet_imports
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Time forms of the same work beside each other, and count their arithmetic."""
+
+    repeats: int = 5
+    """Timed calls of each form; the median of the ratios of neighbouring calls is reported."""
+    json: Path | None = None
+    """Also write the results to this file."""
+
+    def __post_init__(self) -> None:
+        checks.counts(self, "repeats")
+
+
+@dataclass(frozen=True)
+class Form:
+    """One form of some work."""
+
+    call: Callable[[], Any]
+    """Does it once, compiled."""
+    flop: float
+    """Its arithmetic."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 2 for input that cannot be used."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def _main(texts: list[str]) -> int:
+    arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.gains", description=__doc__)
+    json_file.check(arguments.json)
+    with quiet_imports():
+        from t2tl_jax.runs import provenance
+    found = {}
+    with explained():
+        for name, forms in STEPS.items():
+            found[name] = compare(*forms(), arguments.repeats)
+            print(f"{name}: {found[name]}", flush=True)
+    if arguments.json is not None:
+        settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
+        where = provenance.describe(["python", "-m", "experiments.benchmarks.gains", *texts])
+        json_file.write(arguments.json, {"where": where, "settings": settings, "steps": found})
+        print(f"written: {arguments.json}")
+    return 0
+
+
+def compare(before: Form, after: Form, repeats: int) -> Mapping[str, float]:
+    """How many times as long `before` takes as `after`, by arithmetic and by the clock."""
+    ratios = []
+    for turn in range(repeats + 1):
+        slow, fast = _seconds(before.call), _seconds(after.call)
+        ratios += [slow / fast] * (turn > 0)  # the first calls warm up
+    return {
+        "predicted": before.flop / after.flop,
+        "measured": statistics.median(ratios),
+        "least": min(ratios),
+        "most": max(ratios),
+    }
+
+
+def _seconds(call: Callable[[], Any]) -> float:
+    import jax
+
+    started = time.perf_counter()
+    jax.block_until_ready(call())
+    return time.perf_counter() - started
+
+
+def segments() -> tuple[Form, Form]:
+    """An iteration of T2TL whose windows are embedded step by step, and in segments of eight steps."""
+    from experiments.benchmarks.trainings import training
+
+    config = training("zone_ppo:t2tl:closed_form")
+    network = config.learner.network
+    forms = []
+    for length in (1, network.context.segment_length):
+        context = replace(network.context, segment_length=length)
+        learner = replace(config.learner, network=replace(network, context=context))
+        forms.append(_iteration(replace(config, learner=learner, seeds="1")))
+    return forms[0], forms[1]
+
+
+def next_state() -> tuple[Form, Form]:
+    """A gradient of double DQN that also flows through the values at s', with a weight of zero, and one that does not.
+
+    So it was when s and s' went through the network together.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    from experiments.benchmarks.trainings import training
+    from t2tl_jax.agents.dqn_config import DQNConfig
+    from t2tl_jax.agents.td_learning import Transition, dqn_loss
+    from t2tl_jax.networks.q_network import QNetwork
+    from t2tl_jax.runs.experiment import build
+    from t2tl_jax.task_env import Shared
+
+    experiment = build(replace(training("waterworld_dqn:t1tl"), seeds="1"))
+    env, config = experiment.task_env, experiment.config.learner
+    assert isinstance(config, DQNConfig) and env.num_actions is not None
+    network: Any = QNetwork(config.network, env.num_actions, env.objects)
+    state = experiment.agent.init(jax.random.key(0), experiment.task_env.make_params(0))
+    table, params = env.table, state.params
+    embedding = network.apply(params, table, method="embed")
+    count, keys = config.batch_size, jax.random.split(jax.random.key(1), 3)
+    obs, after = (jax.random.normal(key, (count, env.observation_size)) for key in keys[:2])
+    zero, never = jnp.zeros(count, jnp.int32), jnp.zeros(count, bool)
+    letter = jax.random.randint(keys[2], (count,), 0, 4)
+    batch = Transition(obs, zero, after, zero, Shared(letter, jnp.zeros(count), never), never)
+
+    target = jax.tree.map(jnp.copy, params)
+
+    def gradient(through: bool) -> Form:
+        def loss(params: Any, embedding: Any, target: Any, batch: Any, weight: jax.Array) -> jax.Array:
+            value, _ = dqn_loss(config, network, table, params, embedding, target, embedding, batch)
+            if through:
+                value += weight * network.apply(params, batch.next_obs, embedding, (), method="every_row").sum()
+            return value
+
+        given = params, embedding, target, batch, jnp.float32(0)
+        program = jax.jit(jax.grad(loss)).lower(*given).compile()
+        costs: Any = program.cost_analysis()
+        return Form(lambda: program(*given), costs["flops"])
+
+    return gradient(True), gradient(False)
+
+
+def _iteration(config: Any) -> Form:
+    import jax
+
+    from experiments.benchmarks.operations import count
+    from t2tl_jax.runs.experiment import build
+
+    experiment = build(config)
+    program = experiment.program
+    iterate, state = program.lowered_iterate.compile(), program.lowered_init.compile()
+
+    current = state(program.keys, program.env_params)
+
+    def once() -> Any:
+        nonlocal current
+        current, metrics = iterate(current, program.env_params)
+        return metrics
+
+    given = experiment.task_env.make_params(experiment.seeds[0])
+    first = jax.eval_shape(experiment.agent.init, jax.random.key(0), given)
+    work = count(jax.make_jaxpr(experiment.agent.iterate)(first, given), lambda path: "")
+    return Form(once, work[""].flop)
+
+
+STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {"segments": segments, "next_state": next_state}
+"""Both forms of each step, the slow one first."""
+
+
+if __name__ == "__main__":
+    sys.exit(main())

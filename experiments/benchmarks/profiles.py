@@ -1,0 +1,223 @@
+"""Where an iteration's time goes, and the least it could take: ``python -m experiments.benchmarks.profiles``.
+
+The whole compiled iteration of a training runs under JAX's profiler, once it is warm. Each operation's time belongs to
+the part whose named scope it was written in. Beside it stand the arithmetic and the bytes of that part, counted in the
+traced program, and what these would take at the speeds of large products and copies on the same device.
+"""
+
+import re
+import statistics
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from experiments.benchmarks import json_file
+from experiments.cli.errors import guarded
+from t2tl_jax import checks
+from t2tl_jax.errors import UserError, explained
+from t2tl_jax.flags import parse
+from t2tl_jax.quiet import quiet_imports
+
+LOOPS = frozenset(("while", "call", "conditional"))
+"""Operations of a compiled program that hold others, whose time counts."""
+
+HANDED_ON = frozenset(("parameter", "get-tuple-element", "tuple", "constant"))
+"""Operations that compute nothing, and say nothing about what is computed from them."""
+
+INSTRUCTION = re.compile(r"%?([\w.-]+) = .*?[\])}] ([\w-]+)\(([^)]*)\)")
+OPERAND = re.compile(r"%([\w.-]+)")
+SCOPES = re.compile(r'op_name="([^"]*)"')
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Profile one iteration of trainings, part by part."""
+
+    trainings: tuple[str, ...] = (
+        "zone_ppo:t1tl",
+        "zone_ppo:t2tl",
+        "zone_ppo:t1tl:closed_form",
+        "waterworld_dqn:t1tl",
+        "waterworld_dqn:t2tl",
+    )
+    """Trainings as CONFIG, CONFIG:METHOD, CONFIG:METHOD:PHYSICS or CONFIG:METHOD:PHYSICS:ENVIRONMENTS."""
+    seeds: int = 1
+    """How many seeds at once."""
+    repeats: int = 5
+    """Iterations that are timed without the profiler; and as many with it, of which the median shares count."""
+    json: Path | None = None
+    """Also write the results to this file."""
+
+    def __post_init__(self) -> None:
+        checks.counts(self, "seeds", "repeats")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 2 for input that cannot be used."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def _main(texts: list[str]) -> int:
+    arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.profiles", description=__doc__)
+    json_file.check(arguments.json)
+    with quiet_imports():
+        from experiments.benchmarks.trainings import training
+        from t2tl_jax.runs import provenance
+    with explained():
+        configs = {text: replace(training(text), seeds=str(arguments.seeds)) for text in arguments.trainings}
+    peaks = speeds(arguments.repeats)
+    print(f"large products: {peaks['gigaflops']:,.0f} GFLOP/s, copies: {peaks['gigabytes']:,.0f} GB/s", flush=True)
+    found = {}
+    for text, config in configs.items():
+        found[text] = profile(config, arguments.repeats)
+        print(f"\n{text}: {1e3 * found[text]['seconds']:.1f} ms, {found[text]['frames']:,} frames")
+        for name, part in found[text]["parts"].items():
+            print(
+                f"  {name}: {part['share']:.1%}, {part['gigaflop']:.3f} GFLOP, {part['gigabytes']:.3f} GB", flush=True
+            )
+    if arguments.json is not None:
+        settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
+        where = provenance.describe(["python", "-m", "experiments.benchmarks.profiles", *texts])
+        json_file.write(arguments.json, {"where": where, "settings": settings, "peaks": peaks, "profiles": found})
+        print(f"written: {arguments.json}")
+    return 0
+
+
+def speeds(repeats: int) -> dict[str, float]:
+    """What the device does best: single-precision products of 2,048 x 2,048, and sums with one number of 256 MiB."""
+    import jax
+    import jax.numpy as jnp
+
+    from experiments.benchmarks.timing import rate
+
+    square, long = jnp.ones((2048, 2048), jnp.float32), jnp.ones(2**26, jnp.float32)
+    product, copy = jax.jit(lambda x: x @ x), jax.jit(lambda x: x + 1.0)
+    return {
+        "gigaflops": rate(lambda: product(square), 2 * 2048**3 / 1e9, repeats).fastest,
+        "gigabytes": rate(lambda: copy(long), 2 * long.nbytes / 1e9, repeats).fastest,
+    }
+
+
+def profile(config: Any, repeats: int) -> dict[str, Any]:
+    """Seconds of an iteration of all seeds, and of each part its share of the time and its least work."""
+    from experiments.benchmarks.parts import NAMES, part_of
+    from t2tl_jax.runs.experiment import build
+
+    experiment = build(config)
+    program = experiment.program
+    iterate = program.lowered_iterate.compile()
+    state = program.lowered_init.compile()(program.keys, program.env_params)
+
+    def once() -> float:
+        import jax
+
+        nonlocal state
+        started = time.perf_counter()
+        state, metrics = iterate(state, program.env_params)
+        jax.block_until_ready((state, metrics))
+        return time.perf_counter() - started
+
+    for _ in range(_until_learning(config)):
+        once()
+    seconds = [once() for _ in range(repeats)]
+    shares = [shared_out(traced(once), iterate.as_text(), part_of) for _ in range(repeats)]
+    work, seeds = least_work(experiment, part_of), len(experiment.seeds)
+    named = [name for name in NAMES if name in work or any(name in one for one in shares)]
+    return {
+        "seconds": statistics.median(seconds),
+        "fastest": min(seconds),
+        "slowest": max(seconds),
+        "frames": experiment.agent.frames_per_iteration * seeds,
+        "seeds": seeds,
+        "parts": {
+            name: {
+                "share": statistics.median([one.get(name, 0.0) for one in shares]),
+                "gigaflop": seeds * work[name].flop / 1e9 if name in work else 0.0,
+                "gigabytes": seeds * work[name].bytes / 1e9 if name in work else 0.0,
+            }
+            for name in named
+        },
+    }
+
+
+def _until_learning(config: Any) -> int:
+    """Iterations after which every further one learns: a replay has to hold enough first."""
+    starts, each = getattr(config.learner, "learning_starts", 0), config.learner.frames_per_iteration
+    return 1 + -(-starts // each)
+
+
+def traced(call: Callable[[], Any]) -> Counter[str]:
+    """Seconds of every operation of the compiled program that one call ran, summed over threads."""
+    import jax
+
+    with tempfile.TemporaryDirectory() as folder:
+        with jax.profiler.trace(folder):
+            call()
+        files = list(Path(folder).rglob("*.xplane.pb"))
+        if not files:
+            raise UserError("JAX's profiler wrote nothing; is another profiler running?")
+        data = jax.profiler.ProfileData.from_file(str(files[0]))
+    spent: Counter[str] = Counter()
+    for plane in data.planes:
+        for line in plane.lines:
+            for event in line.events:
+                operation = dict(event.stats).get("hlo_op") if plane.name.startswith("/device") else event.name
+                if operation:
+                    spent[str(operation)] += event.duration_ns / 1e9
+    return spent
+
+
+def shared_out(spent: Mapping[str, float], text: str, part_of: Callable[[str], str]) -> dict[str, float]:
+    """The share of every part in the time of all operations of a compiled program, whose text is given."""
+    by_part: dict[str, float] = {}
+    for name, path in leaves(text).items():
+        by_part[part_of(path)] = by_part.get(part_of(path), 0.0) + spent.get(name, 0.0)
+    total = sum(by_part.values())
+    return {name: seconds / total for name, seconds in by_part.items() if seconds} if total else {}
+
+
+def leaves(text: str) -> dict[str, str]:
+    """Operations of a compiled program that hold no others, and the scopes that each was written in.
+
+    The compiler forgets the scopes of some, products among them: they get those of what they read, else of what reads
+    them.
+    """
+    scopes: dict[str, str] = {}
+    reads: dict[str, list[str]] = {}
+    holds_none = []
+    for line in text.splitlines():
+        matched = INSTRUCTION.search(line)
+        if not matched:
+            continue
+        name, kind, given = matched.groups()
+        reads[name] = OPERAND.findall(given)
+        written = SCOPES.search(line)
+        known = [scopes[x] for x in reads[name] if scopes.get(x)]
+        scopes[name] = written[1] if written else "" if kind in HANDED_ON or not known else known[0]
+        if kind not in LOOPS:
+            holds_none.append(name)
+    for name in reversed(reads):
+        for x in reads[name]:
+            if not scopes.get(x) and scopes[name]:
+                scopes[x] = scopes[name]
+    return {name: scopes[name] for name in holds_none}
+
+
+def least_work(experiment: Any, part_of: Callable[[str], str]) -> dict[str, Any]:
+    """The least arithmetic and bytes of an iteration of one seed, by part."""
+    import jax
+
+    from experiments.benchmarks.operations import count
+
+    given = experiment.task_env.make_params(experiment.seeds[0])
+    state = jax.eval_shape(experiment.agent.init, jax.random.key(0), given)
+    return count(jax.make_jaxpr(experiment.agent.iterate)(state, given), part_of)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

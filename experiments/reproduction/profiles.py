@@ -1,0 +1,100 @@
+"""Where an iteration's time goes beside the least that its parts could take, and what steps towards speed gained."""
+
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from experiments.reproduction.page import origin, paragraph, table
+from t2tl_jax.runs.folder import read_json
+
+FILES = "profile_*.json"
+"""Of `experiments.benchmarks.profiles`, among the results; one for each kind of hardware."""
+
+GAINS = "gains_*.json"
+"""Of `experiments.benchmarks.gains`."""
+
+SEEN = 0.005
+"""Parts with a smaller share of the time and no floor to speak of are left out of the tables."""
+
+STEPS = {
+    "segments": "T2TL: windows in segments of eight steps instead of one by one (an iteration, closed form)",
+    "next_state": "DQN: no gradient through s' (a gradient step of T1TL)",
+}
+"""What the steps of `experiments.benchmarks.gains` are."""
+
+
+def profiles(results: Path) -> str:
+    """For every training that was profiled a table of its parts."""
+    files = sorted(results.glob(FILES))
+    return "\n\n".join(_profiled(read_json(file)) for file in files) if files else "Not measured yet."
+
+
+def _profiled(stored: Mapping[str, Any]) -> str:
+    peaks, settings = stored["peaks"], stored["settings"]
+    said = f"""
+        `{shlex.join(stored["where"]["command"])}`: median shares of {settings["repeats"]} iterations under the
+        profiler, times of as many without it. The floor of a part is the greater of its arithmetic at
+        {peaks["gigaflops"]:,.0f} GFLOP/s and of the bytes that go in and out at {peaks["gigabytes"]:,.0f} GB/s, which
+        large products and copies reach on the same device."""
+    parts = [paragraph(said)]
+    for name, of in stored["profiles"].items():
+        rate = of["frames"] / of["seconds"]
+        seeds = f"{of['seeds']} seed{'s' * (of['seeds'] > 1)}"
+        parts += [
+            f"`{name}`, {seeds}: {of['frames']:,} frames in {_ms(of['seconds'])} ({_ms(of['fastest'])} to "
+            f"{_ms(of['slowest'])}), {rate:,.0f} frames/s.",
+            _table(of, peaks),
+        ]
+    return "\n\n".join([*parts, origin([stored["where"]])])
+
+
+def _table(of: Mapping[str, Any], peaks: Mapping[str, float]) -> str:
+    rows = []
+    for name, part in of["parts"].items():
+        took = part["share"] * of["seconds"]
+        floor = max(part["gigaflop"] / peaks["gigaflops"], part["gigabytes"] / peaks["gigabytes"])
+        if part["share"] < SEEN and floor < SEEN * of["seconds"]:
+            continue
+        rows.append(
+            (
+                name,
+                f"{part['share']:.1%}",
+                _ms(took),
+                f"{part['gigaflop']:.2f}",
+                f"{part['gigabytes']:.2f}",
+                _ms(floor),
+                f"{max(0.0, took - floor) / of['seconds']:.1%}",
+            )
+        )
+    heading = ("part", "share", "time", "GFLOP", "GB", "floor", "above it, of an iteration")
+    return table(heading, rows)
+
+
+def gains(results: Path) -> str:
+    """What each step was to gain by its arithmetic, and gained by the clock."""
+    files = sorted(results.glob(GAINS))
+    if not files:
+        return "Not measured yet."
+    parts = []
+    for file in files:
+        stored = read_json(file)
+        rows = [
+            (
+                STEPS[name],
+                f"{of['predicted']:.2f}",
+                f"{of['measured']:.2f} ({of['least']:.2f}, {of['most']:.2f})",
+            )
+            for name, of in stored["steps"].items()
+        ]
+        said = f"""
+            How many times as long the slower form takes, by its arithmetic and by the clock: medians of
+            {stored["settings"]["repeats"]} pairs of calls within one process, the least and the most
+            (`{shlex.join(stored["where"]["command"])}`)."""
+        heading = ("step", "predicted", "measured")
+        parts += [paragraph(said), table(heading, rows), origin([stored["where"]])]
+    return "\n\n".join(parts)
+
+
+def _ms(seconds: float) -> str:
+    return f"{1e3 * seconds:,.0f} ms" if seconds >= 0.02 else f"{1e3 * seconds:.1f} ms"

@@ -1,0 +1,151 @@
+"""Where an iteration's time goes: by parts of the source, beside the work that these have to do at the least."""
+
+import dataclasses
+import json
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+from experiments.benchmarks import gains as gains_benchmark
+from experiments.benchmarks import profiles as benchmark
+from experiments.benchmarks.operations import count
+from experiments.benchmarks.parts import NAMES, REST, part_of
+from experiments.benchmarks.trainings import training
+from experiments.reproduction import profiles
+from t2tl_jax.runs.experiment import build
+
+WHERE = {
+    "devices": ["cpu"], "cpu": "a processor", "packages": {"jax": "0.9"}, "git_revision": "abcdefg", "time": "2026",
+    "command": ["python", "-m", "x"],
+}  # fmt: skip
+
+
+def work_of(function, *given):
+    return count(jax.make_jaxpr(function)(*given), lambda path: path.rpartition("/")[2] or "rest")
+
+
+def test_arithmetic_is_counted_with_all_rounds_of_a_loop():
+    matrix = jnp.ones((3, 4))
+
+    def function(x):
+        with jax.named_scope("once"):
+            y = x @ matrix  # [2, 4]
+        with jax.named_scope("looped"):
+            y, _ = jax.lax.scan(lambda y, _: (jax.jit(jnp.sin)(y), None), y, length=5)
+        return y
+
+    work = work_of(function, jnp.ones((2, 3)))
+    assert work["once"].flop == 2 * 2 * 3 * 4 and work["looped"].flop == 5 * 8
+
+
+def test_bytes_are_those_that_go_from_part_to_part():
+    def function(x):
+        with jax.named_scope("first"):
+            y = jnp.cos(jnp.sin(x))  # what is between stays inside
+        with jax.named_scope("second"):
+            return jnp.exp(y)
+
+    work = work_of(function, jnp.ones(10))
+    assert work["first"].bytes == 2 * 40 and work["second"].bytes == 2 * 40
+
+
+def test_of_an_array_that_is_changed_in_its_place_the_places_count():
+    def function(x, y):
+        with jax.named_scope("write"):
+            x = jax.lax.dynamic_update_slice(x, y, (0,))
+        return x
+
+    def lookup(x, at):
+        with jax.named_scope("read"):
+            return x.at[at].get(mode="promise_in_bounds")
+
+    assert work_of(function, jnp.ones(1000), jnp.ones(3))["write"].bytes == 12 + 12
+    # Three numbers are read and given, by three places, which may be put in order before.
+    assert 3 * 12 <= work_of(lookup, jnp.ones(1000), jnp.arange(3))["read"].bytes < 100
+
+
+@pytest.mark.parametrize(
+    ("path", "part"),
+    [
+        ("jit(iterate)/vmap(policy)/ActorCritic.policy/actor/dense_0", "acting: state and head"),
+        ("minibatches/loss/transpose(jvp(ActorCritic))/context_encoder.segment/encoder", "learning: context"),
+        ("minibatches/loss/jvp(codes)/ActorCritic.embed/task_encoder/layer_3", "codes of tasks"),
+        ("minibatches/optimiser/mul", "clipping and Adam"),
+        ("environment/physics/sqrt", "physics"),
+        ("vmap()/while/body/closed_call", REST),
+    ],
+)
+def test_parts_go_by_the_scopes_of_the_source(path, part):
+    assert part_of(path) == part and part in NAMES
+
+
+def test_what_the_compiler_forgot_belongs_to_what_it_reads_or_is_read_by():
+    text = """
+      %p = f32[2]{0} parameter(0)
+      %a = f32[2]{0} fusion(%p), calls=%c, metadata={op_name="jit(iterate)/policy/mul"}
+      %dot.1 = f32[2]{0} dot(%a, %p), lhs_contracting_dims={0}
+      %copy.1 = f32[2]{0} copy(%p)
+      %b = f32[2]{0} fusion(%copy.1), calls=%c, metadata={op_name="jit(iterate)/optimiser/add"}
+      %loop = (f32[2]{0}, s32[]) while(%t), condition=%d, body=%e
+    """
+    shares = benchmark.shared_out({"a": 1.0, "dot.1": 2.0, "copy.1": 3.0, "b": 2.0, "loop": 99.0}, text, part_of)
+    assert shares == {"acting: state and head": 3 / 8, "clipping and Adam": 5 / 8}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["zone_ppo:t2tl", "waterworld_dqn:t1tl"])
+def test_nearly_all_arithmetic_of_an_iteration_has_a_part(name):
+    experiment = build(dataclasses.replace(training(name), seeds="1"))
+    work = benchmark.least_work(experiment, part_of)
+    total = sum(one.flop for one in work.values())
+    assert work[REST].flop < 0.01 * total
+    expected = {"clipping and Adam", "codes of tasks", "learning: state and heads", "acting: state and head"}
+    assert expected <= set(work) and all(work[part].flop > 0 for part in expected)
+    if name.startswith("zone"):  # of 67 MFLOP a step at least, by the sizes of the layers
+        assert work["learning: context"].flop > 0.4 * total and work["physics"].flop > 0.01 * total
+
+
+@pytest.mark.slow
+def test_the_command_finds_where_the_time_goes(tmp_path, monkeypatch):
+    monkeypatch.setattr(benchmark, "speeds", lambda repeats: {"gigaflops": 100.0, "gigabytes": 10.0})
+    file = tmp_path / "profile_cpu.json"
+    small = ["--trainings", "zone_ppo:dfa:closed_form:8", "--repeats", "1", "--json", str(file)]
+    assert benchmark.main(small) == 0
+    stored = json.loads(file.read_text())
+    (of,) = stored["profiles"].values()
+    shares = {name: part["share"] for name, part in of["parts"].items()}
+    assert sum(shares.values()) == pytest.approx(1, abs=1e-6) and shares[REST] < 0.3
+    assert shares["learning: state and heads"] > 0.1
+    page = profiles.profiles(tmp_path)
+    assert "learning: state and heads" in page and "100 GFLOP/s" in page
+
+
+def test_the_page_sets_parts_against_their_floor(tmp_path):
+    part = {"share": 0.5, "gigaflop": 10.0, "gigabytes": 0.5}
+    of = {"seconds": 1.0, "fastest": 0.9, "slowest": 1.2, "frames": 1000, "seeds": 1, "parts": {"physics": part}}
+    stored = {"where": WHERE, "settings": {"repeats": 3}, "peaks": {"gigaflops": 100.0, "gigabytes": 10.0},
+              "profiles": {"zone_ppo:t1tl": of}}  # fmt: skip
+    assert profiles.profiles(tmp_path) == profiles.gains(tmp_path) == "Not measured yet."
+    (tmp_path / "profile_cpu.json").write_text(json.dumps(stored))
+    assert "| physics | 50.0% | 500 ms | 10.00 | 0.50 | 100 ms | 40.0% |" in profiles.profiles(tmp_path)
+    step = {"predicted": 1.4, "measured": 1.45, "least": 1.2, "most": 1.6}
+    steps = {"where": WHERE, "settings": {"repeats": 3}, "steps": {"next_state": step}}
+    (tmp_path / "gains_cpu.json").write_text(json.dumps(steps))
+    assert "| 1.40 | 1.45 (1.20, 1.60) |" in profiles.gains(tmp_path)
+
+
+def test_every_step_that_is_measured_is_described():
+    assert set(gains_benchmark.STEPS) == set(profiles.STEPS)
+
+
+def test_a_gain_is_the_ratio_of_neighbouring_calls():
+    forms = (gains_benchmark.Form(lambda: sum(range(200_000)), 3.0), gains_benchmark.Form(lambda: None, 2.0))
+    found = gains_benchmark.compare(*forms, repeats=3)
+    assert found["predicted"] == 1.5 and found["least"] > 1 and found["least"] <= found["measured"] <= found["most"]
+
+
+@pytest.mark.slow
+def test_a_gradient_through_the_next_state_would_cost_two_passes_more():
+    through, apart = gains_benchmark.next_state()
+    assert through.flop / apart.flop == pytest.approx(7 / 5, abs=0.05)
