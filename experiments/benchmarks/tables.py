@@ -24,7 +24,7 @@ MinibatchesOf = Literal["steps", "environments"]
 class Arguments:
     """Time PPO on tables of more and more rows."""
 
-    rows: tuple[int, ...] = (64, 1024, 10240)
+    rows: tuple[int, ...] = (64, 256, 1024, 10240)
     """Rows of the tables."""
     num_envs: int = 64
     """Parallel environments, each with a task of its own at a time."""
