@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, overload
 
@@ -17,6 +17,7 @@ from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.callbacks import Callback
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.differences import changed_fields
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.given_env import GivenEnv
@@ -120,7 +121,9 @@ def resume(
             with run_folder.locked(run):
                 pass  # who is in the way is told before the work of preparing
         with Checkpoints(run.checkpoints) as checkpoints:
-            begun = checkpoints.latest_iteration() is not None
+            done = checkpoints.latest_iteration()
+        begun = done is not None
+        _refuse_fewer_frames(stored, config, done or 0)
         if not begun and (elsewhere := pretraining.elsewhere(config)):
             warnings.warn(
                 f"{run.path} has no checkpoint yet, so it begins anew, and is pre-trained by what its "
@@ -207,21 +210,36 @@ def _check_fields(changes: dict[str, Any]) -> None:
         raise UserError(f"learner is the configuration of one, such as PPOConfig(...), got {learner!r}")
 
 
-def refuse_other_changes(stored: Config, config: Config) -> None:
+def refuse_other_changes(stored: Config, config: Config, as_flags: bool = False) -> None:
     """Refuse to resume a run with another configuration than the stored one, but for what may change.
+
+    Args:
+        stored: what the run was trained with.
+        config: what it is to go on with.
+        as_flags: whether to call fields what the command line calls them.
 
     Raises:
         UserError: naming what else is changed.
     """
-    changed = [
-        field.name
-        for field in fields(Config)
-        if field.name not in CHANGEABLE and getattr(config, field.name) != getattr(stored, field.name)
-    ]
+    changed = [name for name in changed_fields(stored, config) if name.partition(".")[0] not in CHANGEABLE]
+    if changed and as_flags:
+        parts = [f"--{name}.*" if is_dataclass(getattr(config, name)) else f"--{name}" for name in CHANGEABLE]
+        may, flags = ", ".join(parts), ", ".join(f"--{name}" for name in changed)
+        raise UserError(f"a resumed run keeps its configuration; only {may} may change, not {flags}".replace("_", "-"))
     if changed:
         raise UserError(
             f"a resumed run keeps its configuration; only its fields {', '.join(CHANGEABLE)} may change, "
             f"not {', '.join(changed)}"
+        )
+
+
+def _refuse_fewer_frames(stored: Config, config: Config, done: int) -> None:
+    """Refuse to shorten a run to less than the iterations that it has done."""
+    frames = done * config.learner.frames_per_iteration
+    if config.frames != stored.frames and config.frames < frames:
+        raise UserError(
+            f"frames={config.frames:,} is less than the {frames:,} that each seed has already trained; give more, or "
+            "leave it out"
         )
 
 

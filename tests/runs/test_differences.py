@@ -4,13 +4,22 @@ import dataclasses
 
 from experiments.methods import apply
 from t2tl_jax.registry import named_config
-from t2tl_jax.runs.differences import differences
+from t2tl_jax.runs.differences import changed_fields, differences
 
 
 def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
     base = named_config("zone_ppo")
     learner, run = dataclasses.replace(base.learner, noise_time=0.0), dataclasses.replace(base.run, folder="x")
     assert list(differences(base, dataclasses.replace(base, learner=learner, run=run))) == ["learner.noise_time=0.0"]
+
+
+def test_changed_fields_are_the_smallest_parts_that_differ():
+    base, water = named_config("zone_ppo"), named_config("waterworld_dqn")
+    network = dataclasses.replace(base.learner.network, value_scale=3.0)
+    learner = dataclasses.replace(base.learner, noise_time=0.0, network=network)
+    other = dataclasses.replace(base, env=water.env, learner=learner)
+    assert set(changed_fields(base, other)) == {"env", "learner.noise_time", "learner.network.value_scale"}
+    assert not list(changed_fields(base, base))
 
 
 def test_the_period_of_maps_counts_where_maps_are_renewed():
