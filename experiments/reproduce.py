@@ -15,7 +15,7 @@ from typing import Literal
 from experiments.cli.errors import guarded
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.flags import parse
-from t2tl_jax.names import nearest
+from t2tl_jax.names import meant
 from t2tl_jax.quiet import quiet_imports
 
 STARTED = time.monotonic()
@@ -89,8 +89,9 @@ def _main(texts: Sequence[str]) -> int:
     chosen = [name for word in words for name in GROUPS.get(word, (word,))]
     for name in chosen:
         if name not in ITEMS and name not in runs:
-            close = nearest(name, [*GROUPS, *ITEMS, *runs])
-            raise UserError(f"unknown item or run {name!r}; did you mean {close!r}? --list True shows all of them")
+            near = meant(name, [*GROUPS, *ITEMS, *runs])
+            hint = f"did you mean {near!r}? " if near else ""
+            raise UserError(f"unknown item or run {name!r}; {hint}--list True shows all of them")
     names = [run for name in chosen for run in (ITEMS[name].names(arguments.scale) if name in ITEMS else [name])]
     items = {name: item for name, item in ITEMS.items() if name in chosen or not set(names).isdisjoint(item.runs)}
     if arguments.list:

@@ -17,7 +17,8 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 import tyro
 
 from t2tl_jax.errors import UserError, unknown
-from t2tl_jax.names import nearest
+from t2tl_jax.names import FEW, meant
+from t2tl_jax.old_names import new_flag
 
 T = TypeVar("T")
 
@@ -111,8 +112,27 @@ def _refuse_unknown(arguments: Sequence[str], known: Sequence[str], first: str |
         raise UserError(f"--{first} is no option: give it by itself; see {prog} --help")
     wrong = [flag for flag in given if flag.replace("_", "-") not in known]
     if wrong:
-        lines = [f"unknown option {flag!r}; did you mean {nearest(flag, known)!r}?" for flag in wrong]
-        raise UserError("\n".join([*lines, f"All options: {prog} --help"]))
+        raise UserError("\n".join([*(_about(flag, known) for flag in wrong), f"All options: {prog} --help"]))
+
+
+def _about(flag: str, known: Sequence[str]) -> str:
+    """What there is to say of a flag that does not exist: its name of today, one that may be meant, or all there are.
+
+    It is compared by what follows the part that it names (`--learner.`), in which all flags of the part are alike.
+    """
+    written = flag.replace("_", "-")
+    now = new_flag(written)
+    if now in known:
+        return f"{flag} is now {now}"
+    name = now or written
+    part = name[: name.rfind(".") + 1] or "--"
+    beside = {other.removeprefix(part): other for other in known if other.startswith(part)}
+    near = beside.get(meant(name.removeprefix(part), beside), "") if beside else meant(name, known)
+    if near:
+        return f"unknown option {flag!r}; did you mean {near!r}?"
+    if now and any(other.startswith(now.partition(".")[0]) for other in known):
+        return f"{flag} is now {now}, which this configuration does not have"
+    return f"unknown option {flag!r}" + (f"; known: {', '.join(beside.values())}" if 0 < len(beside) <= FEW else "")
 
 
 def _grouped(arguments: Sequence[str], fields: Mapping[str, Any]) -> tuple[list[str], dict[str, list[str]]]:

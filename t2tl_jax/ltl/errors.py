@@ -63,7 +63,7 @@ def unknown_proposition(name: str, known: Sequence[str], *others: str) -> Unknow
     if not others:
         return UnknownPropositionError(f'unknown proposition "{name}"; known: {listed}{nearest(name, known)}')
     unknown = (name, *others)
-    close = [f'"{near}" for "{one}"' for one in unknown if (near := names.nearest(one, known, cutoff=0.5))]
+    close = [f'"{near}" for "{one}"' for one in unknown if (near := names.meant(one, known))]
     meant = f"; did you mean {', '.join(close)}?" if close else ""
     quoted = ", ".join(f'"{one}"' for one in unknown)
     return UnknownPropositionError(f"unknown propositions {quoted}; known: {listed}{meant}")
@@ -84,5 +84,5 @@ def caret(text: str, position: int, width: int = 100) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return `; did you mean "..."?` for the closest of `known`, or nothing when none is close."""
-    close = names.nearest(name, known, cutoff=0.5)
+    close = names.meant(name, known)
     return f'; did you mean "{close}"?' if close else ""

@@ -10,7 +10,8 @@ from t2tl_jax.env import EnvConfig, LabelledEnv
 from t2tl_jax.errors import Note, UserError, explained
 from t2tl_jax.evaluation.report import Report
 from t2tl_jax.ltl import TaskFamily
-from t2tl_jax.names import nearest
+from t2tl_jax.names import meant
+from t2tl_jax.old_names import FIELDS
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import config_files, params_file, pretraining, sessions
 from t2tl_jax.runs import folder as run_folder
@@ -202,12 +203,20 @@ def _changed(config: Config, changes: dict[str, Any]) -> Config:
 
 def _check_fields(changes: dict[str, Any]) -> None:
     known = [field.name for field in fields(Config)]
-    wrong = [f"{name!r}; did you mean {nearest(name, known)!r}?" for name in changes if name not in known]
+    wrong = [_about_field(name, known) for name in changes if name not in known]
     if wrong:
         raise UserError(f"a configuration has no field {', '.join(wrong)}")
     learner = changes.get("learner")
     if learner is not None and not isinstance(learner, LearnerConfig):
         raise UserError(f"learner is the configuration of one, such as PPOConfig(...), got {learner!r}")
+
+
+def _about_field(name: str, known: Sequence[str]) -> str:
+    """A field that does not exist, with its name of today, or one that may be meant."""
+    if name in FIELDS:
+        return f"{name!r}, which is now {FIELDS[name]!r}"
+    near = meant(name, known)
+    return f"{name!r}; did you mean {near!r}?" if near else f"{name!r}; help(t2tl_jax.Config) lists them"
 
 
 def refuse_other_changes(stored: Config, config: Config, as_flags: bool = False) -> None:

@@ -219,6 +219,28 @@ def test_misspelt_options_and_choices_are_answered_in_the_first_of_two_lines(fla
     assert second.startswith(("All options: python -m experiments.run", "Known: "))
 
 
+@pytest.mark.parametrize(
+    ("config", "flag", "said"),
+    [
+        ("zone_ppo", "--ppo.clip", "--ppo.clip is now --learner.clip-eps"),
+        ("zone_ppo", "--ppo.rollout_steps", "--ppo.rollout_steps is now --learner.unroll-length"),
+        ("zone_ppo", "--simultaneous", "--simultaneous is now --random-starts"),
+        ("zone_ppo", "--network.transformer.heads", "is now --learner.network.task-encoder.heads"),
+        ("zone_ppo", "--network.context.transformer.width", "is now --learner.network.context.reader.width"),
+        ("zone_ppo", "--network.context.lenght", "did you mean '--learner.network.context.length'?"),
+        ("zone_ppo", "--dqn.simultaneous", "is now --learner.counterfactual, which this configuration does not have"),
+        ("waterworld_dqn", "--dqn.simultaneous", "--dqn.simultaneous is now --learner.counterfactual"),
+        ("zone_ppo", "--learner.zzz", "error: unknown option '--learner.zzz'"),
+        ("zone_ppo", "--selection.zzz", "option '--selection.zzz'; known: --selection.points, --selection.episodes"),
+        ("zone_ppo", "--lerner.gae-lambda", "did you mean '--learner.gae-lambda'?"),
+    ],
+)
+def test_options_of_then_and_far_away_ones(config, flag, said, capsys):
+    assert run.main(["--config", config, flag, "1", "--run.compilation-cache", ""]) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.endswith(said) and second.startswith("All options: ")
+
+
 def test_every_misspelt_option_is_answered(capsys):
     assert run.main(["--config", "zone_ppo", "--learner.clp-eps", "3", "--frame", "3", "--seeds", "1"]) == 2
     assert [line.split("'")[1::2] for line in capsys.readouterr().err.splitlines()[:2]] == [
