@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-from t2tl_jax.names import nearest
+from t2tl_jax.names import ALIKE, nearest
 
 
 class UserError(ValueError):
@@ -19,7 +19,13 @@ def unknown(kind: str, given: str, known: Iterable[str]) -> UserError:
     names = sorted(known)
     if not names:
         return UserError(f"unknown {kind} {given!r}; none is registered")
-    return UserError(f"unknown {kind} {given!r}; did you mean {nearest(given, names)!r}?\nKnown: {', '.join(names)}")
+    return UserError(f"unknown {kind} {given!r}{did_you_mean(given, names)}\nKnown: {', '.join(names)}")
+
+
+def did_you_mean(given: str, known: Iterable[str]) -> str:
+    """Return `; did you mean '...'?` for the closest of the known names, or nothing when none is close."""
+    close = nearest(given, known, cutoff=ALIKE)
+    return f"; did you mean {close!r}?" if close else ""
 
 
 class Note(UserWarning):

@@ -16,8 +16,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import tyro
 
-from t2tl_jax.errors import UserError, unknown
-from t2tl_jax.names import nearest
+from t2tl_jax.errors import UserError, did_you_mean, unknown
 
 T = TypeVar("T")
 
@@ -111,8 +110,40 @@ def _refuse_unknown(arguments: Sequence[str], known: Sequence[str], first: str |
         raise UserError(f"--{first} is no option: give it by itself; see {prog} --help")
     wrong = [flag for flag in given if flag.replace("_", "-") not in known]
     if wrong:
-        lines = [f"unknown option {flag!r}; did you mean {nearest(flag, known)!r}?" for flag in wrong]
+        lines = [f"unknown option {flag!r}{_meant(flag, known)}" for flag in wrong]
         raise UserError("\n".join([*lines, f"All options: {prog} --help"]))
+
+
+RENAMED = {
+    "--ppo.clip": "--learner.clip-eps",
+    "--ppo.rollout-steps": "--learner.unroll-length",
+    "--dqn.steps-per-iteration": "--learner.unroll-length",
+    "--dqn.simultaneous": "--learner.counterfactual",
+    "--simultaneous": "--random-starts",
+    "--checkpoint": "--which",
+    "--network.one-hot-size": "--learner.network.task-encoder.size",
+}
+"""Flags of version 0.1, and what they are called now."""
+
+MOVED = {
+    "--network.context.transformer.": "--learner.network.context.reader.",
+    "--network.transformer.": "--learner.network.task-encoder.",
+    "--network.rgcn.": "--learner.network.task-encoder.",
+    "--network.gru.": "--learner.network.task-encoder.",
+    "--network.": "--learner.network.",
+    "--ppo.": "--learner.",
+    "--dqn.": "--learner.",
+}
+"""How flags of version 0.1 began, and how they begin now; the first that fits counts."""
+
+
+def _meant(flag: str, known: Sequence[str]) -> str:
+    """What somebody may have meant by an unknown flag; '' if nothing is like it."""
+    plain = flag.replace("_", "-")
+    now = RENAMED.get(plain) or next(
+        (f"{there}{plain.removeprefix(old)}" for old, there in MOVED.items() if plain.startswith(old)), ""
+    )
+    return f"; since version 0.2 it is {now}" if now in known else did_you_mean(flag, known)
 
 
 def _grouped(arguments: Sequence[str], fields: Mapping[str, Any]) -> tuple[list[str], dict[str, list[str]]]:

@@ -3,6 +3,12 @@
 import difflib
 from collections.abc import Iterable
 
+ALIKE = 0.6
+"""How like a name must be to be what was meant: below that the nearest one is a guess that misleads."""
+
+BEGINNING = 3
+"""Letters that the beginning of a name has at least, to stand for it."""
+
 
 def nearest(given: str, known: Iterable[str], cutoff: float = 0.0) -> str:
     """The known name most like the given one, whatever the case of its letters.
@@ -13,8 +19,10 @@ def nearest(given: str, known: Iterable[str], cutoff: float = 0.0) -> str:
         cutoff: how like the nearest name must be, from 0, anything will do, to 1, equal but for the case.
 
     Returns:
-        The name as `known` spells it; "" when none is like enough, or none is known.
+        The name as `known` spells it, or else the first that begins with what was given; "" when none is like enough,
+        or none is known.
     """
     names = {name.lower(): name for name in sorted(known)}
     close = difflib.get_close_matches(given.lower(), names, n=1, cutoff=cutoff)
-    return names[close[0]] if close else ""
+    begun = [name for name in names if len(given) >= BEGINNING and name.startswith(given.lower())]
+    return names[(close + begun)[0]] if close or begun else ""
