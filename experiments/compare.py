@@ -16,6 +16,9 @@ from t2tl_jax.errors import UserError
 from t2tl_jax.flags import check_picture, parse
 from t2tl_jax.quiet import quiet_imports
 
+MOST_CHANGES = 6
+"""Fields that a line names, where a run differs from the first one in more."""
+
 Measure = Literal["discounted_return", "success_rate", "area"]
 
 
@@ -169,8 +172,14 @@ def _table(runs: Mapping[str, Run], base: Any) -> Iterator[str]:
             f"{over:>9}  {_frames(np.median(reached))} / {_frames(reached.max())}  "
             f"{areas.text():20}  {returns.text():20}  "
             f"{middle.text():20}  {violations:20}  {ended:20}  "
-            f"{' '.join(differences(base, run.config)) or path}"
+            f"{_in_short(list(differences(base, run.config))) or path}"
         )
+
+
+def _in_short(changes: Sequence[str]) -> str:
+    """The first few of the fields that differ, and how many more there are."""
+    more = len(changes) - MOST_CHANGES
+    return " ".join(changes[:MOST_CHANGES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _solved(run: Run) -> str:

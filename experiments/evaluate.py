@@ -37,9 +37,10 @@ class Arguments:
     certify: int = 0
     """Instead of the table, play so many episodes of each task with one policy, and bound its rates exactly."""
     seed: int | None = None
-    """Whose policy is certified; the first seed's by default."""
-    policy: Literal["sampled", "deterministic"] = "sampled"
-    """Which of them is certified; of the final parameters unless --which says best."""
+    """With --certify, the seed whose policy is certified; the first one by default."""
+    policy: Literal["sampled", "deterministic"] | None = None
+    """With --certify, which policy is certified, the sampled one by default; of the final parameters unless --which
+    says best."""
     physics: Literal["mjx", "closed_form"] | None = None
     """Other physics than the run's, in ZoneEnv."""
     episode_length: int | None = None
@@ -69,6 +70,12 @@ def _main(texts: list[str]) -> int:
         raise UserError("give one task (--task) or a list of them (--tasks), not both")
     if arguments.certify < 0:
         raise UserError(f"--certify is a number of episodes, got {arguments.certify}")
+    for name in ("seed", "policy"):
+        if getattr(arguments, name) is not None and not arguments.certify:
+            raise UserError(
+                f"--{name} belongs to --certify, and without it every seed that is kept is evaluated with both "
+                f"policies: leave --{name} out, or add --certify EPISODES, such as --certify 10000"
+            )
     if arguments.pools < 0:
         raise UserError(f"--pools is a number of pools, got {arguments.pools}")
     if arguments.gif and (arguments.tasks is not None or arguments.certify):
@@ -89,7 +96,9 @@ def _evaluate(arguments: Arguments) -> None:
         import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.cli import compilation_cache
         from t2tl_jax.evaluation.report import table
+        from t2tl_jax.ltl import TaskFamily
         from t2tl_jax.runs import evaluations, train
+        from t2tl_jax.runs.differences import in_short
         from t2tl_jax.runs.folder import open_existing
         from t2tl_jax.training.seeds import parse_seeds
 
@@ -107,6 +116,8 @@ def _evaluate(arguments: Arguments) -> None:
         return evaluations.settings(folder, result.experiment, which, result.iteration, arguments.episodes)
 
     shown = settings(arguments.which)
+    if isinstance(result.config.task, TaskFamily):
+        shown["task"] = in_short(result.config.task)
     print("  ".join(f"{name}: {value}" for name, value in shown.items()), flush=True)
     reader = stored.learner.task_encoder
     if result.config.task != stored.task and reader is not None and not reader.carries_over:
@@ -119,7 +130,7 @@ def _evaluate(arguments: Arguments) -> None:
             evaluations.store(folder, settings(which), report)
         print(f"stored: {folder.evaluation}", flush=True)
     else:  # of a run that is kept without its checkpoints
-        print(f"not stored: only seeds {', '.join(map(str, result.seeds))} of {stored.seeds} are kept with parameters")
+        print(_not_stored(result.seeds, parse_seeds(stored.seeds)))
     if arguments.gif and evaluations.draw_episode(result.experiment, result.params[chosen[0]], folder):
         print(f"drawn: {folder.gif}")
 
@@ -138,7 +149,14 @@ def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any)
     if arguments.certify or tasks is None:
         one: Any = "best" if arguments.which == "best" else "final"
         made = evaluate_tasks.certify(
-            result, stored, tasks, one, arguments.seed, arguments.policy, arguments.certify, arguments.pools
+            result,
+            stored,
+            tasks,
+            one,
+            arguments.seed,
+            arguments.policy or "sampled",
+            arguments.certify,
+            arguments.pools,
         )
         evaluate_tasks.store_certificates(folder, settings(one, arguments.certify), made)
         print(f"stored: {folder.certificates}")
@@ -148,12 +166,21 @@ def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any)
     print("  ".join(f"{name}: {value}" for name, value in shown.items()), flush=True)
     reports = evaluate_tasks.evaluate(result, stored, tasks, chosen, arguments.episodes, arguments.pools)
     if result.seeds != parse_seeds(stored.seeds):
-        print(f"not stored: only seeds {', '.join(map(str, result.seeds))} of {stored.seeds} are kept with parameters")
+        print(_not_stored(result.seeds, parse_seeds(stored.seeds)))
         return
     for which, by_task in reports.items():
         for task, report in by_task.items():
             evaluations.store(folder, settings(which, arguments.episodes) | {"task": task}, report)
     print(f"stored: {folder.evaluation}")
+
+
+def _not_stored(kept: Sequence[int], trained: Sequence[int]) -> str:
+    """Why the evaluation of a run that lacks the parameters of some seeds is not stored."""
+    from experiments.tuning import in_words
+
+    seeds, all_of_them = (in_words(of).replace("-", " to ") for of in (kept, trained))
+    subject, verb = ("seed", "is") if len(kept) == 1 else ("seeds", "are")
+    return f"not stored: only {subject} {seeds} of {all_of_them} {verb} kept with parameters"
 
 
 def _changes(stored: Any, arguments: Arguments) -> dict[str, Any]:

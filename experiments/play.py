@@ -53,6 +53,7 @@ def _main(texts: list[str]) -> int:
     )
     if arguments.episode_length is not None and arguments.episode_length < 1:
         raise UserError(f"--episode-length must be at least 1, got {arguments.episode_length}")
+    _check_gif(arguments.gif)
     with quiet_imports():
         import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.cli import compilation_cache
@@ -81,6 +82,16 @@ def _main(texts: list[str]) -> int:
         if arguments.gif is not None:
             _draw(played, view, arguments.gif)
     return INVALID if failed and not sys.stdin.isatty() else 0
+
+
+def _check_gif(file: Path | None) -> None:
+    """Refuse a picture that could not be written, before anything is compiled or played."""
+    if file is None:
+        return
+    if file.suffix.lower() != ".gif":
+        raise UserError(f"--gif is written as GIF: give a name that ends in .gif, got {file}")
+    if not file.parent.is_dir():
+        raise UserError(f"--gif {file}: there is no folder {file.parent}; make it, or name one that exists")
 
 
 def _warm_up(prompt: "Prompt", propositions: Sequence[str]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from t2tl_jax.evaluation.curves import sparkline
 from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
+from t2tl_jax.runs.differences import in_short
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.success import window
 
@@ -27,7 +28,7 @@ class Words(Callback):
         if progress.done:
             print(f"resuming after iteration {progress.done:,}")
         if progress.done >= progress.iterations:
-            print(f"all {progress.iterations:,} iterations are done; --frames with a larger number goes on")
+            print(f"all iterations ({progress.iterations:,}) are done; --frames with a larger number goes on")
         print(_plan(progress, self._what), flush=True)
 
     def on_start(self, progress: TrainingProgress) -> None:
@@ -64,7 +65,7 @@ class Words(Callback):
 def _plan(progress: TrainingProgress, what: str) -> str:
     config, iterations, per_iteration = progress.config, progress.iterations, progress.frames_per_iteration
     actual = iterations * per_iteration
-    frames = f"{actual:,} frames per seed = {iterations:,} iterations x {per_iteration:,}"
+    frames = f"{actual:,} frames per seed = {_counted(iterations, 'iteration')} x {per_iteration:,}"
     if actual != config.frames:
         more = actual - config.frames
         frames += f" (asked for {config.frames:,}: {more:+,}, since iterations are whole)"
@@ -73,12 +74,17 @@ def _plan(progress: TrainingProgress, what: str) -> str:
     return "\n".join(
         (
             f"{what:6} {progress.folder}",
-            f"task   {config.task}",
+            f"task   {in_short(config.task)}",
             f"plan   {frames}; {seeds}",
             f"device {devices[0].device_kind}, {progress.devices} of {len(devices)} used",
             *_more_plan(progress),
         )
     )
+
+
+def _counted(count: int, thing: str) -> str:
+    """A number of things, the last of which gets its plural."""
+    return f"{count:,} {thing}{'' if count == 1 else 's'}"
 
 
 def _more_plan(progress: TrainingProgress) -> list[str]:
@@ -87,7 +93,8 @@ def _more_plan(progress: TrainingProgress) -> list[str]:
     if progress.has_pools:
         pool = config.pool
         lines.append(
-            f"pools  {pool.size} random formulas for {pool.period} iterations, then others, the same for all seeds"
+            f"pools  {_counted(pool.size, 'random formula')} for {_counted(pool.period, 'iteration')}, then others, "
+            "the same for all seeds"
         )
     if config.until_solved:
         lines.append(

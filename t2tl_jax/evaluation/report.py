@@ -139,6 +139,8 @@ def table(reports: Mapping[str, Report]) -> str:
 def _above(report: Report, final: bool) -> str:
     """How many seeds are above the threshold; that the task is solved only of final parameters."""
     count, above = report.solved.count, round((report.solved.value or 0.0) * report.solved.count)
+    if not final and count == 1:
+        return f"success {'' if above else 'not '}above {SOLVED:.0%}"
     if not final:
         return f"success above {SOLVED:.0%} in {above} of {count} seeds"
     solved = f"{above} of {count} seeds solve the task" if count > 1 else f"the task is {'' if above else 'not '}solved"

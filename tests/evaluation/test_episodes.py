@@ -186,6 +186,11 @@ def test_returns_have_no_bounds_where_more_than_verdicts_is_paid():
         assert report.seeds[0].discounted_return.high > 1.0 and report.discounted_return.low < -1.0
 
 
+def test_a_single_seed_is_not_counted():
+    report = summarise(jax.tree.map(lambda part: part[:1], FEW), (0,))
+    assert "best sampled: success above 95%, mean" in table({"best sampled": report})
+
+
 def test_seeds_that_all_succeed_leave_an_interval(played):
     """Of two seeds without a failure it is not known how often a third one fails."""
     perfect = dataclasses.replace(

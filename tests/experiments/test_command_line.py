@@ -155,9 +155,12 @@ def test_a_part_can_be_of_another_kind():
         (["--config"], "expected one argument"),
         ([], "choose a configuration with --config NAME"),
         ([], "or --config FILE.json, or a run with --resume RUN"),
+        (["zone_ppo"], "every option begins with --, got 'zone_ppo'; did you mean --config zone_ppo?"),
+        (["zone_pp", "--seeds", "2"], "did you mean --config zone_ppo?"),
+        (["my.json"], "did you mean --config my.json?"),
         (["--config", "zone_pp"], "did you mean 'zone_ppo'?"),
         (["--config", "zone_pp"], "--config takes one of these names, or a path to a file"),
-        (["--config", "no/such.json"], "cannot read no/such.json"),
+        (["--config", "no/such.json"], "error: cannot read no/such.json: there is no such file; --config takes a path"),
         (["--config", "zone_ppo", "--resume", "x"], "leave --config and --method out"),
         (["--resume", "no/such/run"], "there is no folder"),
         (["--config", "zone_ppo", "--import", "no.such.module"], "--import no.such.module: No module named"),
@@ -235,6 +238,8 @@ def test_every_misspelt_option_is_answered(capsys):
         (evaluate, ["here", "--gif", "True", "there"], "takes one run, got here there; see"),
         (evaluate, ["--run", "here"], "--run is no option: give it by itself; see"),
         (evaluate, ["here", "-q"], "every option begins with --, got '-q'; see python -m experiments.evaluate --help"),
+        (evaluate, ["here", "--seed", "3"], "--seed belongs to --certify, and without it every seed"),
+        (evaluate, ["here", "--policy", "deterministic"], "--policy belongs to --certify, and without it every seed"),
         (evaluate, ["here", "--episodes", "few"], "--episodes takes a whole number, got 'few'"),
         (evaluate, ["here", "--plan"], "--plan takes none or critic, got nothing"),
         (compare, [], "name one run or more"),
@@ -286,6 +291,14 @@ def test_help_documents_every_field(name, absent, capsys):
 
     check(chosen)
     assert absent not in text.partition("The defaults shown")[2]
+
+
+def test_help_without_a_configuration_says_whose_defaults_it_shows(capsys):
+    with pytest.raises(SystemExit):
+        run.main(["--help"])
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert f"The defaults shown are those of {next(iter(CONFIGS))}, since no configuration is chosen." in text
+    assert "(default: 'a family of the kind chains')" in text and "Chains(" not in text
 
 
 def test_list_names_every_config(capsys):

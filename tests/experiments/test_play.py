@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments import evaluate_tasks, play
+from experiments import evaluate, evaluate_tasks, play
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.animation import Recording
 from t2tl_jax.ltl import compile_tasks
@@ -60,6 +60,8 @@ def test_a_terminal_is_asked_until_its_end(monkeypatch, capsys):
     ("flags", "said"),
     [
         (["--gif", "a.gif"], "no view from above"),
+        (["--gif", "a.txt"], "--gif is written as GIF: give a name that ends in .gif, got a.txt"),
+        (["--gif", "no/such/a.gif"], "--gif no/such/a.gif: there is no folder no/such;"),
         (["--seed", "7"], "no seed 7"),
         (["--episode-length", "0"], "--episode-length must be at least 1"),
         (["--wich", "best"], "did you mean '--which'"),
@@ -138,3 +140,11 @@ def test_certificates_replace_equal_ones(finished, read_json):
 def test_lists_that_cannot_be_played(finished_run, evaluate_run, flags, said, capsys):
     assert evaluate_run(finished_run, *flags) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("kept", "said"),
+    [((24,), "only seed 24 of 24 to 35 is kept with parameters"), ((24, 25), "only seeds 24 to 25 of 24 to 35 are")],
+)
+def test_which_seeds_are_kept_is_said_in_words(kept, said):
+    assert f"not stored: {said}" in evaluate._not_stored(kept, range(24, 36))
