@@ -19,36 +19,36 @@ from t2tl_jax.quiet import quiet_imports
 
 @dataclass(frozen=True)
 class Arguments:
-    """Play complete episodes with the policies of a run, and store rates, steps and returns in its evaluation.json."""
+    """Play complete episodes with the policies of a run, and store the rates, steps and returns in evaluation.json."""
 
     run: tyro.conf.Positional[Path]
     """Folder of the run."""
     episodes: int = 1000
-    """Episodes per seed, policy and task; of the deterministic one a single one where all would be the same."""
+    """Episodes per seed, policy and task; the deterministic policy plays one where all would be the same."""
     which: Literal["both", "final", "best"] = "both"
-    """The parameters at the end of training, those that did best in episodes played to choose between them, or both."""
+    """The parameters at the end of training, those that did best in the episodes played for selection, or both."""
     task: str | None = None
-    """Another task, by name or as a formula; the run's own by default."""
+    """Evaluate another task, by name or as a formula; the run's own by default."""
     tasks: str | None = None
-    """Several tasks, by name or as formulas, apart by commas, or a file with one on each line: a table of all."""
+    """Evaluate several tasks in one table: names or formulas separated by commas, or a file with one on each line."""
     pools: int = 1
-    """Of how many of the pools of formulas that training drew the rows are counted, to say what it met of --tasks that
-    the run's folder says nothing of; each takes seconds, and 0 counts none."""
+    """How many of the pools of formulas drawn in training to count rows of, to tell how much of --tasks training met
+    where the run's folder does not say; each takes seconds, and 0 counts none."""
     certify: int = 0
-    """Instead of the table, play so many episodes of each task with one policy, and bound its rates exactly."""
+    """Instead of the table, play this many episodes of each task with one policy, and bound its rates exactly."""
     seed: int | None = None
     """With --certify, the seed whose policy is certified; the first one by default."""
     policy: Literal["sampled", "deterministic"] | None = None
     """With --certify, which policy is certified, the sampled one by default; of the final parameters unless --which
     says best."""
     physics: Literal["mjx", "closed_form"] | None = None
-    """Other physics than the run's, in ZoneEnv."""
+    """Use other physics than the run did (ZoneEnv only)."""
     episode_length: int | None = None
-    """Another time limit, in steps."""
+    """Time limit of an episode in steps; that of the run by default."""
     plan: Literal["none", "critic"] | None = None
-    """Whether to choose among the ways that a task leaves open by the critic's value; by default as the run's own."""
+    """Whether the critic's value chooses among the ways that a task leaves open; as in the run by default."""
     gif: bool = False
-    """Also draw an episode again (episode.gif)."""
+    """Also draw an episode (episode.gif), in place of the last one drawn."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -69,7 +69,7 @@ def _main(texts: list[str]) -> int:
     if arguments.task is not None and arguments.tasks is not None:
         raise UserError("give one task (--task) or a list of them (--tasks), not both")
     if arguments.certify < 0:
-        raise UserError(f"--certify is a number of episodes, got {arguments.certify}")
+        raise UserError(f"--certify is a number of episodes, 0 or more, got {arguments.certify}")
     for name in ("seed", "policy"):
         if getattr(arguments, name) is not None and not arguments.certify:
             raise UserError(
@@ -77,13 +77,15 @@ def _main(texts: list[str]) -> int:
                 f"policies: leave --{name} out, or add --certify EPISODES, such as --certify 10000"
             )
     if arguments.pools < 0:
-        raise UserError(f"--pools is a number of pools, got {arguments.pools}")
+        raise UserError(f"--pools is a number of pools, 0 or more, got {arguments.pools}")
     if arguments.gif and (arguments.tasks is not None or arguments.certify):
-        raise UserError("--gif draws an episode of a single evaluated task; python -m experiments.play draws any")
+        raise UserError(
+            "--gif draws one evaluated task, without --tasks or --certify; python -m experiments.play draws any"
+        )
     # Imported late: loading JAX and MuJoCo takes seconds, which --help and mistakes need not wait for.
     from t2tl_jax.runs.interrupts import Interrupted, StopRequest
 
-    with StopRequest(notice="stopping; nothing is stored") as stop:
+    with StopRequest(notice="stopping; nothing will be stored") as stop:
         try:
             stop.call(lambda: _evaluate(arguments), "while evaluating")
         except Interrupted:
@@ -193,7 +195,7 @@ def _changes(stored: Any, arguments: Arguments) -> dict[str, Any]:
         changes["task"] = arguments.task
     if arguments.physics is not None:
         if not isinstance(stored.env, ZoneConfig):
-            raise UserError("--physics chooses between those of ZoneEnv; this run's environment has no such choice")
+            raise UserError("--physics chooses the physics of ZoneEnv; the environment of this run offers no choice")
         changes["env"] = make_env(dataclasses.replace(stored.env, physics=arguments.physics))
     if arguments.episode_length is not None:
         changes["episode_length"] = arguments.episode_length

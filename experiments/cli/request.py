@@ -26,19 +26,20 @@ from t2tl_jax.runs.folder import name_of, open_existing
 
 DESCRIPTION = """Train an agent on a temporal-logic task.
 
-  --config NAME   start from a named configuration, or from that in a file, NAME.json, such as the config.json of a
-                  run, whose run.folder is not taken; every option below overrides one of its fields
-  --method NAME   make it one of the methods t2tl, t1tl, gnn, rm, dfa, dfa_cont, dfa_number or rm_6, and no more
-  --list          show the named configurations, the methods, and what else has a name
-  --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer),
+  --config NAME   start from a named configuration, or from a file NAME.json such as the config.json of a run, whose
+                  run.folder is ignored; every option below overrides one of its fields
+  --method NAME   turn it into one of the methods t2tl, t1tl, gnn, rm, dfa, dfa_cont, dfa_number or rm_6, changing
+                  nothing else
+  --list          show the named configurations, the methods, and all other names
+  --resume RUN    continue a finished or interrupted run; of the options below, only --frames (to train longer),
                   --until-solved, --convergence.* and --run.* apply
-  --hosts WHO     one run over several processes, each of which is started with this: slurm, or HOST:PORT,COUNT,INDEX
-  --import MODULE a module of your own that registers environments, learners, task encoders or configurations
-  --PART KIND     another kind of environment (--env), learner (--learner) or task encoder
+  --hosts WHO     spread one run over several processes, each started with this option: slurm, or HOST:PORT,COUNT,INDEX
+  --import MODULE import a module of yours that registers environments, learners, task encoders or configurations
+  --PART KIND     use another kind of environment (--env), learner (--learner) or task encoder
                   (--learner.network.task-encoder), with its defaults
-  --task KIND     tasks of a family that is data, such as chains; --task.FIELD then sets its fields
+  --task KIND     draw tasks from a family with fields, such as chains, which --task.FIELD then sets
   --PART None     leave out an optional part that the configuration has, such as --learner.network.context
-  --PART.FIELD X  put in an optional part that it has not, such as --learner.network.context.length 8
+  --PART.FIELD X  add an optional part that the configuration lacks, such as --learner.network.context.length 8
 
 Examples:
   python -m experiments.run --config zone_ppo --seeds 4

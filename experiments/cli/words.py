@@ -28,7 +28,7 @@ class Words(Callback):
         if progress.done:
             print(f"resuming after iteration {progress.done:,}")
         if progress.done >= progress.iterations:
-            print(f"all iterations ({progress.iterations:,}) are done; --frames with a larger number goes on")
+            print(f"all iterations ({progress.iterations:,}) are done; a larger --frames continues")
         print(_plan(progress, self._what), flush=True)
 
     def on_start(self, progress: TrainingProgress) -> None:
@@ -65,7 +65,7 @@ class Words(Callback):
 def _plan(progress: TrainingProgress, what: str) -> str:
     config, iterations, per_iteration = progress.config, progress.iterations, progress.frames_per_iteration
     actual = iterations * per_iteration
-    frames = f"{actual:,} frames per seed = {_counted(iterations, 'iteration')} x {per_iteration:,}"
+    frames = f"{actual:,} frames per seed = {counted(iterations, 'iteration')} x {per_iteration:,}"
     if actual != config.frames:
         more = actual - config.frames
         frames += f" (asked for {config.frames:,}: {more:+,}, since iterations are whole)"
@@ -82,8 +82,8 @@ def _plan(progress: TrainingProgress, what: str) -> str:
     )
 
 
-def _counted(count: int, thing: str) -> str:
-    """A number of things, the last of which gets its plural."""
+def counted(count: int, thing: str) -> str:
+    """How many things there are: ``1 iteration``, ``2,000 iterations``."""
     return f"{count:,} {thing}{'' if count == 1 else 's'}"
 
 
@@ -93,22 +93,22 @@ def _more_plan(progress: TrainingProgress) -> list[str]:
     if progress.has_pools:
         pool = config.pool
         lines.append(
-            f"pools  {_counted(pool.size, 'random formula')} for {_counted(pool.period, 'iteration')}, then others, "
+            f"pools  {counted(pool.size, 'random formula')} for {counted(pool.period, 'iteration')}, then others, "
             "the same for all seeds"
         )
     if config.until_solved:
         lines.append(
-            f"stop   sooner if success stays above 95 % for {window(config)} iterations in a row, in every seed"
+            f"stop   earlier if success stays above 95 % for {window(config)} iterations in a row, in every seed"
         )
     if config.convergence.window:
         end = config.convergence
         lines.append(
-            f"stop   sooner if the return gains at most {end.delta:g} from {end.window} iterations to the next as many"
+            f"stop   earlier if the return gains at most {end.delta:g} from {end.window} iterations to the next"
         )
     if "pretraining" in progress.notes:
         lines.append(f"before {pretraining.in_words(progress.notes['pretraining'])}")
     elif pretraining.is_auto(config):
-        lines.append("before pre-training of the task encoder, counted apart")
+        lines.append("before pre-training of the task encoder, which is counted separately")
     elif config.pretrained:
         lines.append(f"before the task encoder of {config.pretrained}")
     return lines

@@ -9,6 +9,7 @@ from envs.waterworld import WaterWorldConfig
 from experiments import compare, evaluate, run
 from experiments.benchmarks import env
 from experiments.cli import request as command_line
+from experiments.cli import words
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import Chains, Mixture, Named
@@ -299,6 +300,10 @@ def test_help_without_a_configuration_says_whose_defaults_it_shows(capsys):
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert f"The defaults shown are those of {next(iter(CONFIGS))}, since no configuration is chosen." in text
     assert "(default: 'a family of the kind chains')" in text and "Chains(" not in text
+
+
+def test_one_thing_is_no_plural():
+    assert [words.counted(count, "iteration") for count in (1, 2000)] == ["1 iteration", "2,000 iterations"]
 
 
 def test_list_names_every_config(capsys):

@@ -35,7 +35,7 @@ def test_every_line_is_played(finished_run, typed, capsys):
     lines = out.splitlines()
     assert lines[0].split(maxsplit=1) == ["0", "!Black U Red"] and lines[1].split()[1] in ("done", "violated", "out")
     assert [line.strip() for line in (lines[-2], lines[-3])] == ["3  out of time", "0  F(White & F Red)"]
-    assert lines[-1].strip().startswith("(table in ") and "compiled anew" not in out
+    assert lines[-1].strip().startswith("(table in ") and "programs compiled" not in out
     assert typed(finished_run, ["F Red &", "F Rde", "F Red"]) == 2
     out, err = capsys.readouterr()
     assert out.count("first action in") == 1 and err.count("error: ") == 2 and 'did you mean "Red"' in err
