@@ -12,7 +12,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import optax
-from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax.agents.acting import acting_of
@@ -20,6 +19,7 @@ from t2tl_jax.agents.next_values import at_steps, last_steps, segment_and_place,
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.agents.ppo_learning import Batch, by_time, in_parts, in_segments, minibatch_order, misaligned, ppo_loss
 from t2tl_jax.agents.row_codes import make_codes
+from t2tl_jax.env import State
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic
 from t2tl_jax.networks.context import Carry, Segment, Window

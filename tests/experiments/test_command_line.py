@@ -9,6 +9,7 @@ from envs.waterworld import WaterWorldConfig
 from experiments import compare, evaluate, run
 from experiments.benchmarks import env
 from experiments.cli import request as command_line
+from experiments.cli import words
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import Chains, Mixture, Named
@@ -155,9 +156,12 @@ def test_a_part_can_be_of_another_kind():
         (["--config"], "expected one argument"),
         ([], "choose a configuration with --config NAME"),
         ([], "or --config FILE.json, or a run with --resume RUN"),
+        (["zone_ppo"], "every option begins with --, got 'zone_ppo'; did you mean --config zone_ppo?"),
+        (["zone_pp", "--seeds", "2"], "did you mean --config zone_ppo?"),
+        (["my.json"], "did you mean --config my.json?"),
         (["--config", "zone_pp"], "did you mean 'zone_ppo'?"),
         (["--config", "zone_pp"], "--config takes one of these names, or a path to a file"),
-        (["--config", "no/such.json"], "cannot read no/such.json"),
+        (["--config", "no/such.json"], "error: cannot read no/such.json: there is no such file; --config takes a path"),
         (["--config", "zone_ppo", "--resume", "x"], "leave --config and --method out"),
         (["--resume", "no/such/run"], "there is no folder"),
         (["--config", "zone_ppo", "--import", "no.such.module"], "--import no.such.module: No module named"),
@@ -244,6 +248,8 @@ def test_every_misspelt_option_is_answered(capsys):
         (evaluate, ["here", "--gif", "True", "there"], "takes one run, got here there; see"),
         (evaluate, ["--run", "here"], "--run is no option: give it by itself; see"),
         (evaluate, ["here", "-q"], "every option begins with --, got '-q'; see python -m experiments.evaluate --help"),
+        (evaluate, ["here", "--seed", "3"], "--seed belongs to --certify, and without it every seed"),
+        (evaluate, ["here", "--policy", "deterministic"], "--policy belongs to --certify, and without it every seed"),
         (evaluate, ["here", "--episodes", "few"], "--episodes takes a whole number, got 'few'"),
         (evaluate, ["here", "--plan"], "--plan takes none or critic, got nothing"),
         (compare, [], "name one run or more"),
@@ -295,6 +301,18 @@ def test_help_documents_every_field(name, absent, capsys):
 
     check(chosen)
     assert absent not in text.partition("The defaults shown")[2]
+
+
+def test_help_without_a_configuration_says_whose_defaults_it_shows(capsys):
+    with pytest.raises(SystemExit):
+        run.main(["--help"])
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert f"The defaults shown are those of {next(iter(CONFIGS))}, since no configuration is chosen." in text
+    assert "(default: 'a family of the kind chains')" in text and "Chains(" not in text
+
+
+def test_one_thing_is_no_plural():
+    assert [words.counted(count, "iteration") for count in (1, 2000)] == ["1 iteration", "2,000 iterations"]
 
 
 def test_list_names_every_config(capsys):

@@ -143,6 +143,12 @@ def test_tuning_seeds_are_not_tested_against_reported_ones(capsys):
     assert "no test: settings were chosen on some" in capsys.readouterr().err
 
 
+def test_of_runs_that_differ_in_much_a_few_fields_are_named(capsys):
+    assert main([str(RESULTS / "paper" / name) for name in ("zone-t2tl", "water-rm")]) == 0
+    line = capsys.readouterr().out.splitlines()[2]
+    assert " env=waterworld " in line and re.search(r" and \d+ more$", line) and "Config" not in line
+
+
 def test_what_else_differs(capsys):
     runs = [str(RESULTS / name) for name in ("zone_short_h200/t2tl", "paper/water-rm")]
     assert main([*runs, "--fairness", "True"]) == 0

@@ -106,6 +106,12 @@ def test_imports_go_one_way():
     assert len(offences) > 50 and not {module: names for module, names in offences.items() if names}
 
 
+@pytest.mark.slow
+def test_brax_is_loaded_in_one_place_which_silences_it():
+    loading = {path for path in FILES if any(within(name, "brax") for name in imported(ast.parse(path.read_text())))}
+    assert loading == {ROOT / "t2tl_jax" / "env.py"}
+
+
 @pytest.mark.parametrize(
     ("module", "statement", "forbidden"),
     [
