@@ -207,9 +207,9 @@ def _replaced(part: T, values: Mapping[str, Any], prefix: str = "--") -> T:
         elif dataclasses.is_dataclass(old) and any(name.startswith(flag + ".") for name in values):
             try:
                 changes[field.name] = _replaced(old, values, flag + ".")
-            except UserError:
-                raise
             except ValueError as error:
+                if type(error) is UserError:  # of a part of it, which is named already
+                    raise
                 raise UserError(f"{(flag[2:]).replace('-', '_')}: {error}") from error
     return dataclasses.replace(part, **changes) if changes else part  # type: ignore[type-var]
 

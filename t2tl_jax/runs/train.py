@@ -205,7 +205,9 @@ def _configuration(
 
 def _listed(seeds: Any) -> str:
     """The text that means these seeds; UserError if they are no list of whole numbers."""
-    if isinstance(seeds, str | bytes) or not isinstance(seeds, Iterable):
+    if isinstance(seeds, str):
+        return seeds
+    if not isinstance(seeds, Iterable):
         raise UserError(f"seeds are a count such as 4 or a list such as [0, 3, 7], got {seeds!r}")
     return _in_words(list(seeds))
 

@@ -209,10 +209,6 @@ def test_a_configuration_in_a_file_is_as_good_as_a_name(tmp_path):
         (["--ppo.clip", "1"], "unknown option '--ppo.clip'; since version 0.2 it is --learner.clip-eps"),
         (["--ppo.epochs", "1"], "unknown option '--ppo.epochs'; since version 0.2 it is --learner.epochs"),
         (["--simultaneous", "1"], "unknown option '--simultaneous'; since version 0.2 it is --random-starts"),
-        (
-            ["--network.transformer.dim", "1"],
-            "unknown option '--network.transformer.dim'",  # there is none now
-        ),
         # Both at once: that values do not fit together may come of the misspelt option.
         (
             ["--learner.clp-eps", "3", "--learner.minibatch-size", "7"],

@@ -78,7 +78,7 @@ def test_a_run_given_twice_counts_once(capsys):
     shown = capsys.readouterr().out
     assert "t2_base/../t2_base is given more than once" in shown and shown.count("p=") == 1
     assert main([run, run, "--pairs", "True"]) == 2
-    assert "--pairs tests two runs or more" in capsys.readouterr().err
+    assert "--pairs tests two or more runs" in capsys.readouterr().err
 
 
 def test_wrong_folder_is_a_clean_error(tmp_path, capsys):

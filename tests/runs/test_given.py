@@ -17,7 +17,7 @@ SMALL = {"frames": 640, "seeds": 1}
         ({"frames": True}, "frames must be a whole number, got True"),
         ({"frames": 1.5}, "frames must be a whole number, got 1.5"),
         ({"seeds": 1.5}, "seeds are a count such as 4 or a list such as"),
-        ({"seeds": "3"}, "seeds are a count such as 4 or a list such as"),
+        ({"seeds": "x"}, "seeds are a count such as 4 or a list such as"),
         ({"task": 5}, "task is a formula, the name of a task, or a family of tasks, got 5"),
         ({"labels": "nxt"}, "labels must be one of next, state, got 'nxt'; did you mean 'next'"),
         ({"plan": "crtic"}, "plan must be one of none, critic, got 'crtic'; did you mean 'critic'"),
