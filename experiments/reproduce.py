@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Literal
 
 from experiments.cli.errors import guarded
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import UserError, did_you_mean, explained
 from t2tl_jax.flags import parse
-from t2tl_jax.names import nearest
 from t2tl_jax.quiet import quiet_imports
 
 STARTED = time.monotonic()
@@ -89,8 +88,8 @@ def _main(texts: Sequence[str]) -> int:
     chosen = [name for word in words for name in GROUPS.get(word, (word,))]
     for name in chosen:
         if name not in ITEMS and name not in runs:
-            close = nearest(name, [*GROUPS, *ITEMS, *runs])
-            raise UserError(f"unknown item or run {name!r}; did you mean {close!r}? --list True shows them all")
+            close = did_you_mean(name, [*GROUPS, *ITEMS, *runs])
+            raise UserError(f"unknown item or run {name!r}{close}; --list True shows them all")
     names = [run for name in chosen for run in (ITEMS[name].names(arguments.scale) if name in ITEMS else [name])]
     items = {name: item for name, item in ITEMS.items() if name in chosen or not set(names).isdisjoint(item.runs)}
     if arguments.list:

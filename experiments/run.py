@@ -90,7 +90,7 @@ def _train(config: Any, path: Path, asked: Any, stop: Any, words: list[str]) -> 
         "command": words,
     }
     if asked.resume:
-        train.refuse_other_changes(folder.open_existing(path)[1], config)
+        train.refuse_other_changes(folder.open_existing(path)[1], config, as_flags=True)
         result = train.resume(path, **options, **{name: getattr(config, name) for name in train.CHANGEABLE})
     else:
         result = train.train(config, folder=path, **options)

@@ -55,6 +55,19 @@ def _kind(part: Any) -> str:
     return type(part).__name__ if registry is None else registry.name_of(part)
 
 
+def changed_fields(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
+    """Names of the fields in which two configurations differ, as ``learner.noise_time``; of a part of another kind, the
+    name of the part."""
+    for field in dataclasses.fields(base):
+        a, b, name = getattr(base, field.name), getattr(other, field.name), prefix + field.name
+        if a == b:
+            continue
+        if dataclasses.is_dataclass(a) and type(a) is type(b):
+            yield from changed_fields(a, b, name + ".")
+        else:
+            yield name
+
+
 @cache
 def _renewable(env: EnvConfig) -> bool:
     try:

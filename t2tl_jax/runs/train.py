@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, overload
@@ -17,6 +17,7 @@ from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.callbacks import Callback
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.differences import changed_fields
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.given_env import GivenEnv
@@ -231,17 +232,22 @@ def _check_fields(changes: dict[str, Any]) -> None:
         raise UserError(f"learner is the configuration of one, such as PPOConfig(...), got {learner!r}")
 
 
-def refuse_other_changes(stored: Config, config: Config) -> None:
+def refuse_other_changes(stored: Config, config: Config, as_flags: bool = False) -> None:
     """Refuse to resume a run with another configuration than the stored one, but for what may change.
+
+    Args:
+        stored: what the run was trained with.
+        config: what it is to go on with.
+        as_flags: whether to call fields what the command line calls them.
 
     Raises:
         UserError: naming what else is changed.
     """
-    changed = [
-        field.name
-        for field in fields(Config)
-        if field.name not in CHANGEABLE and getattr(config, field.name) != getattr(stored, field.name)
-    ]
+    changed = [name for name in changed_fields(stored, config) if name.partition(".")[0] not in CHANGEABLE]
+    if changed and as_flags:
+        parts = [f"--{name}.*" if is_dataclass(getattr(config, name)) else f"--{name}" for name in CHANGEABLE]
+        may, flags = ", ".join(parts), ", ".join(f"--{name}" for name in changed)
+        raise UserError(f"a resumed run keeps its configuration; only {may} may change, not {flags}".replace("_", "-"))
     if changed:
         raise UserError(
             f"a resumed run keeps its configuration; only its fields {', '.join(CHANGEABLE)} may change, "

@@ -5,7 +5,7 @@ import dataclasses
 from experiments.methods import apply
 from t2tl_jax.ltl import Chains, Listed, Mixture
 from t2tl_jax.registry import named_config
-from t2tl_jax.runs.differences import differences, in_short
+from t2tl_jax.runs.differences import changed_fields, differences, in_short
 
 
 def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
@@ -51,3 +51,12 @@ def test_differences_between_kinds_are_those_from_the_defaults():
         "episode_length=600",
     }
     assert {"env=zones", "learner=ppo"} <= set(differences(water, zone))
+
+
+def test_changed_fields_are_the_smallest_parts_that_differ():
+    base, water = named_config("zone_ppo"), named_config("waterworld_dqn")
+    network = dataclasses.replace(base.learner.network, value_scale=3.0)
+    learner = dataclasses.replace(base.learner, noise_time=0.0, network=network)
+    other = dataclasses.replace(base, env=water.env, learner=learner)
+    assert set(changed_fields(base, other)) == {"env", "learner.noise_time", "learner.network.value_scale"}
+    assert not list(changed_fields(base, base))

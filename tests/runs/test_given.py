@@ -75,3 +75,11 @@ def test_a_resumed_run_does_not_take_back_what_it_did(finished, resume, capsys):
     assert "frames=100 is less than the 200 that every seed of" in capsys.readouterr().err
     assert {file: file.read_bytes() for file in finished.rglob("*") if file.is_file()} == before
     assert resume(finished, "--frames", "200") == 0
+
+
+def test_what_may_not_change_is_named_by_its_flag(finished, resume, capsys):
+    assert resume(finished, "--learner.discount", "0.5", "--episode-length", "7", "--run.gif", "False") == 2
+    assert capsys.readouterr().err == (
+        "error: a resumed run keeps its configuration; only --frames, --convergence.*, --until-solved, --run.* may "
+        "change, not --learner.discount, --episode-length\n"
+    )

@@ -197,7 +197,7 @@ def test_damaged_runs_give_a_message(finished, evaluate_run, capsys, damage, sai
 def test_resume_refuses_other_settings(finished, resume, capsys):
     folder = finished
     assert resume(folder, "--learner.rate", "0.1") == 2
-    assert "not learner" in capsys.readouterr().err
+    assert "not --learner.rate" in capsys.readouterr().err
     data = json.loads((folder / "config.json").read_text())
     data["seeds"] = "3,"
     (folder / "config.json").write_text(json.dumps(data))
