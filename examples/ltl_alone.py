@@ -6,7 +6,7 @@ The task is compiled to a table once. A state of the task is a row, a step looks
 a step for one row is learned for every row (counterfactual experience).
 """
 
-import sys
+import argparse
 
 import numpy as np
 
@@ -60,4 +60,6 @@ def main(episodes: int = 2000) -> list[str]:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("episodes", type=int, nargs="?", default=2000)
+    main(**vars(parser.parse_args()))

@@ -8,7 +8,7 @@ An encoder maps the task table to one vector a row. Registered, it works on the 
         --learner.network.task-encoder convolution --learner.network.task-encoder.width 64
 """
 
-import sys
+import argparse
 from dataclasses import dataclass
 
 import jax
@@ -65,4 +65,6 @@ def main(frames: int = 60_000) -> t2tl_jax.Result:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("frames", type=int, nargs="?", default=60_000)
+    main(**vars(parser.parse_args()))

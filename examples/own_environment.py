@@ -7,7 +7,7 @@ It is an ordinary JAX object. Registered, it works on the command line too, with
     python -m experiments.run --import examples.own_environment --config discs --env.overlap 0.4
 """
 
-import sys
+import argparse
 from dataclasses import dataclass
 
 import jax
@@ -34,13 +34,11 @@ class Discs(LabelledEnv):
     propositions = ("Left", "Right")
     alphabet = "every_subset"  # "at_most_one" would promise that two never hold at the same time
     num_actions = None  # actions are float[action_size] in [-1, 1]
-    action_size = 2
-    observation_size = 2
+    action_size = observation_size = 2
     backend = "none"  # the name of the physics
 
     def __init__(self, config: DiscsConfig = DiscsConfig()) -> None:
-        apart = RADIUS - config.overlap / 2
-        self.centres = jnp.array([[-apart, 0.0], [apart, 0.0]])
+        self.centres = jnp.array([[-1.0, 0.0], [1.0, 0.0]]) * (RADIUS - config.overlap / 2)
 
     def reset(self, rng, params=None) -> State:
         """Somewhere; all that a reset must restore lies in `pipeline_state`."""
@@ -55,8 +53,8 @@ class Discs(LabelledEnv):
         return jnp.linalg.norm(state.pipeline_state - self.centres, axis=-1) < RADIUS
 
     def _at(self, place: jax.Array) -> State:
-        distance = jnp.linalg.norm(place)  # a metric of its own; it is logged as env_distance
-        return State(place, place, jnp.float32(0), jnp.float32(0), {"distance": distance})
+        none, metrics = jnp.float32(0), {"distance": jnp.linalg.norm(place)}  # a metric of its own: env_distance
+        return State(place, place, none, none, metrics)
 
 
 t2tl_jax.register_env("discs", DiscsConfig, Discs)
@@ -76,4 +74,6 @@ def main(frames: int = 100_000) -> t2tl_jax.Result:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("frames", type=int, nargs="?", default=100_000)
+    main(**vars(parser.parse_args()))

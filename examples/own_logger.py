@@ -6,6 +6,7 @@
 A callback derives from `t2tl_jax.Callback` and overrides what it needs; it is handed to `train`.
 """
 
+import argparse
 import os
 import sys
 from collections.abc import Sequence
@@ -55,10 +56,13 @@ def main(frames: int = 20_000, store: str = "mlruns") -> t2tl_jax.Result:
     network = NetworkConfig(task_encoder=OneHotConfig(4), env_layers=(), actor_layers=(16,), critic_layers=(16,))
     learner = PPOConfig(network=network, num_envs=64, unroll_length=16, minibatch_size=256)
     env = t2tl_jax.make_env("SingleState")
-    run = t2tl_jax.train(env, "F(Red & F White)", learner, seeds=2, frames=int(frames), callbacks=[MLflowLogger(store)])
+    run = t2tl_jax.train(env, "F(Red & F White)", learner, seeds=2, frames=frames, callbacks=[MLflowLogger(store)])
     print(f"{run.iteration} iterations of {len(run.metrics)} metrics and {len(run.seeds)} seeds are in {store}")
     return run
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("frames", type=int, nargs="?", default=20_000)
+    parser.add_argument("store", nargs="?", default="mlruns")
+    main(**vars(parser.parse_args()))

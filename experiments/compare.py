@@ -16,28 +16,32 @@ from t2tl_jax.errors import UserError
 from t2tl_jax.flags import check_picture, parse
 from t2tl_jax.quiet import quiet_imports
 
+MOST_CHANGES = 6
+"""Fields that a line names, where a run differs from the first one in more."""
+
 Measure = Literal["discounted_return", "success_rate", "area"]
 
 
 @dataclass(frozen=True)
 class Arguments:
-    """One line per run: what differs from the first run's configuration, how it learned, and how training ended."""
+    """Print one line per run: how it learned, how training ended, and how its configuration differs from the first."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of the runs; the first one is what the others are compared with. With --pairs, the claimed order: each
-    run is said to be better than those after it."""
+    """Folders of the runs; the others are compared with the first. With --pairs, their order is the claim to test: each
+    run is claimed to be better than those after it."""
     last: float = 0.05
-    """Share of the iterations, at the end, over which rates and return are averaged."""
+    """Share of the iterations, at the end of training, over which rates and returns are averaged."""
     pairs: bool = False
-    """Also test every two runs for a difference, and say whether the claimed order is reproduced."""
+    """Also test each pair of runs for a difference, and say whether the claimed order is reproduced."""
     measure: Measure = "discounted_return"
-    """With --pairs, of what: averages over the last part, or the discounted return over all of training (area)."""
+    """With --pairs, what is tested: averages over the last part, or the discounted return over all training (area)."""
     margin: float = 0.0
-    """With --pairs, the largest difference that counts as none; there is one only where it is given."""
+    """With --pairs, the largest difference that counts as none; by default no two runs count as equal."""
     fairness: bool = False
-    """Also print what else differs: sizes of codes and networks, pre-training, seeds that settings were chosen on."""
+    """Also print what else differs: sizes of codes and networks, pre-training, and the seeds that settings were chosen
+    on."""
     figure: Path | None = None
-    """Draw the mean curves of all runs into this PNG, beside the paper's where the task is its phi_zone."""
+    """Draw the mean curves of all runs in this PNG, beside the paper's own where the task is phi_zone."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,7 @@ def _main(texts: list[str]) -> int:
     check_picture("--figure", arguments.figure)
     runs = _each_once(arguments.runs)
     if arguments.pairs and len(runs) < 2:
-        raise UserError("--pairs tests two runs or more against each other; name another run")
+        raise UserError("--pairs tests two or more runs against each other; name another run")
     if not arguments.margin >= 0:
         raise UserError(f"--margin is a difference, 0 or more, got {arguments.margin}")
     with quiet_imports():
@@ -103,7 +107,7 @@ def _main(texts: list[str]) -> int:
     )
     for path, run in read.items():
         if not run.known.all():
-            print(f"note: {path}: left out {(~run.known).sum()} of {run.known.size} seeds, of which no episode ended")
+            print(f"note: {path}: left out {(~run.known).sum()} of {run.known.size} seeds, in which no episode ended")
         if tuned := tuning.tuning_seeds(run.config, run.seeds):
             print(f"note: {path}: settings were chosen on seeds {tuning.in_words(tuned)}, or these are kept for that")
     if mixed:
@@ -135,7 +139,7 @@ def _each_once(paths: Sequence[Path]) -> list[Path]:
     kept: dict[Path, Path] = {}
     for path in paths:
         if path.resolve() in kept:
-            print(f"note: {path} is given more than once and counts once")
+            print(f"note: {path} is given more than once, and counts once")
         else:
             kept[path.resolve()] = path
     return list(kept.values())
@@ -169,8 +173,14 @@ def _table(runs: Mapping[str, Run], base: Any) -> Iterator[str]:
             f"{over:>9}  {_frames(np.median(reached))} / {_frames(reached.max())}  "
             f"{areas.text():20}  {returns.text():20}  "
             f"{middle.text():20}  {violations:20}  {ended:20}  "
-            f"{' '.join(differences(base, run.config)) or path}"
+            f"{_in_short(list(differences(base, run.config))) or path}"
         )
+
+
+def _in_short(changes: Sequence[str]) -> str:
+    """The first few of the fields that differ, and how many more there are."""
+    more = len(changes) - MOST_CHANGES
+    return " ".join(changes[:MOST_CHANGES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _solved(run: Run) -> str:

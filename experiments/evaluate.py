@@ -19,35 +19,36 @@ from t2tl_jax.quiet import quiet_imports
 
 @dataclass(frozen=True)
 class Arguments:
-    """Play complete episodes with the policies of a run, and store rates, steps and returns in its evaluation.json."""
+    """Play complete episodes with the policies of a run, and store the rates, steps and returns in evaluation.json."""
 
     run: tyro.conf.Positional[Path]
     """Folder of the run."""
     episodes: int = 1000
-    """Episodes per seed, policy and task; of the deterministic one a single one where all would be the same."""
+    """Episodes per seed, policy and task; the deterministic policy plays one where all would be the same."""
     which: Literal["both", "final", "best"] = "both"
-    """The parameters at the end of training, those that did best in episodes played to choose between them, or both."""
+    """The parameters at the end of training, those that did best in the episodes played for selection, or both."""
     task: str | None = None
-    """Another task, by name or as a formula; the run's own by default."""
+    """Evaluate another task, by name or as a formula; the run's own by default."""
     tasks: str | None = None
-    """Several tasks, by name or as formulas, apart by commas, or a file with one on each line: a table of all."""
+    """Evaluate several tasks in one table: names or formulas separated by commas, or a file with one on each line."""
     pools: int = 1
-    """Of how many of the pools of formulas that training drew the rows are counted, to say what it met of --tasks that
-    the run's folder says nothing of; each takes seconds, and 0 counts none."""
+    """How many of the pools of formulas drawn in training to count rows of, to tell how much of --tasks training met
+    where the run's folder does not say; each takes seconds, and 0 counts none."""
     certify: int = 0
-    """Instead of the table, play so many episodes of each task with one policy, and bound its rates exactly."""
+    """Instead of the table, play this many episodes of each task with one policy, and bound its rates exactly."""
     seed: int | None = None
-    """Whose policy is certified; the first seed's by default."""
-    policy: Literal["sampled", "deterministic"] = "sampled"
-    """Which of them is certified; of the final parameters unless --which says best."""
+    """With --certify, the seed whose policy is certified; the first one by default."""
+    policy: Literal["sampled", "deterministic"] | None = None
+    """With --certify, which policy is certified, the sampled one by default; of the final parameters unless --which
+    says best."""
     physics: Literal["mjx", "closed_form"] | None = None
-    """Other physics than the run's, in ZoneEnv."""
+    """Use other physics than the run did (ZoneEnv only)."""
     episode_length: int | None = None
-    """Another time limit, in steps."""
+    """Time limit of an episode in steps; that of the run by default."""
     plan: Literal["none", "critic"] | None = None
-    """Whether to choose among the ways that a task leaves open by the critic's value; by default as the run's own."""
+    """Whether the critic's value chooses among the ways that a task leaves open; as in the run by default."""
     gif: bool = False
-    """Also draw an episode again (episode.gif)."""
+    """Also draw an episode (episode.gif), in place of the last one drawn."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -68,15 +69,23 @@ def _main(texts: list[str]) -> int:
     if arguments.task is not None and arguments.tasks is not None:
         raise UserError("give one task (--task) or a list of them (--tasks), not both")
     if arguments.certify < 0:
-        raise UserError(f"--certify is a number of episodes, got {arguments.certify}")
+        raise UserError(f"--certify is a number of episodes, 0 or more, got {arguments.certify}")
+    for name in ("seed", "policy"):
+        if getattr(arguments, name) is not None and not arguments.certify:
+            raise UserError(
+                f"--{name} belongs to --certify, and without it every seed that is kept is evaluated with both "
+                f"policies: leave --{name} out, or add --certify EPISODES, such as --certify 10000"
+            )
     if arguments.pools < 0:
-        raise UserError(f"--pools is a number of pools, got {arguments.pools}")
+        raise UserError(f"--pools is a number of pools, 0 or more, got {arguments.pools}")
     if arguments.gif and (arguments.tasks is not None or arguments.certify):
-        raise UserError("--gif draws an episode of a single evaluated task; python -m experiments.play draws any")
+        raise UserError(
+            "--gif draws one evaluated task, without --tasks or --certify; python -m experiments.play draws any"
+        )
     # Imported late: loading JAX and MuJoCo takes seconds, which --help and mistakes need not wait for.
     from t2tl_jax.runs.interrupts import Interrupted, StopRequest
 
-    with StopRequest(notice="stopping; nothing is stored") as stop:
+    with StopRequest(notice="stopping; nothing will be stored") as stop:
         try:
             stop.call(lambda: _evaluate(arguments), "while evaluating")
         except Interrupted:
@@ -89,7 +98,9 @@ def _evaluate(arguments: Arguments) -> None:
         import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.cli import compilation_cache
         from t2tl_jax.evaluation.report import table
+        from t2tl_jax.ltl import TaskFamily
         from t2tl_jax.runs import evaluations, train
+        from t2tl_jax.runs.differences import in_short
         from t2tl_jax.runs.folder import open_existing
         from t2tl_jax.training.seeds import parse_seeds
 
@@ -107,6 +118,8 @@ def _evaluate(arguments: Arguments) -> None:
         return evaluations.settings(folder, result.experiment, which, result.iteration, arguments.episodes)
 
     shown = settings(arguments.which)
+    if isinstance(result.config.task, TaskFamily):
+        shown["task"] = in_short(result.config.task)
     print("  ".join(f"{name}: {value}" for name, value in shown.items()), flush=True)
     reader = stored.learner.task_encoder
     if result.config.task != stored.task and reader is not None and not reader.carries_over:
@@ -119,7 +132,7 @@ def _evaluate(arguments: Arguments) -> None:
             evaluations.store(folder, settings(which), report)
         print(f"stored: {folder.evaluation}", flush=True)
     else:  # of a run that is kept without its checkpoints
-        print(f"not stored: only seeds {', '.join(map(str, result.seeds))} of {stored.seeds} are kept with parameters")
+        print(_not_stored(result.seeds, parse_seeds(stored.seeds)))
     if arguments.gif and evaluations.draw_episode(result.experiment, result.params[chosen[0]], folder):
         print(f"drawn: {folder.gif}")
 
@@ -138,7 +151,14 @@ def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any)
     if arguments.certify or tasks is None:
         one: Any = "best" if arguments.which == "best" else "final"
         made = evaluate_tasks.certify(
-            result, stored, tasks, one, arguments.seed, arguments.policy, arguments.certify, arguments.pools
+            result,
+            stored,
+            tasks,
+            one,
+            arguments.seed,
+            arguments.policy or "sampled",
+            arguments.certify,
+            arguments.pools,
         )
         evaluate_tasks.store_certificates(folder, settings(one, arguments.certify), made)
         print(f"stored: {folder.certificates}")
@@ -148,12 +168,21 @@ def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any)
     print("  ".join(f"{name}: {value}" for name, value in shown.items()), flush=True)
     reports = evaluate_tasks.evaluate(result, stored, tasks, chosen, arguments.episodes, arguments.pools)
     if result.seeds != parse_seeds(stored.seeds):
-        print(f"not stored: only seeds {', '.join(map(str, result.seeds))} of {stored.seeds} are kept with parameters")
+        print(_not_stored(result.seeds, parse_seeds(stored.seeds)))
         return
     for which, by_task in reports.items():
         for task, report in by_task.items():
             evaluations.store(folder, settings(which, arguments.episodes) | {"task": task}, report)
     print(f"stored: {folder.evaluation}")
+
+
+def _not_stored(kept: Sequence[int], trained: Sequence[int]) -> str:
+    """Why the evaluation of a run that lacks the parameters of some seeds is not stored."""
+    from experiments.tuning import in_words
+
+    seeds, all_of_them = (in_words(of).replace("-", " to ") for of in (kept, trained))
+    subject, verb = ("seed", "is") if len(kept) == 1 else ("seeds", "are")
+    return f"not stored: only {subject} {seeds} of {all_of_them} {verb} kept with parameters"
 
 
 def _changes(stored: Any, arguments: Arguments) -> dict[str, Any]:
@@ -166,7 +195,7 @@ def _changes(stored: Any, arguments: Arguments) -> dict[str, Any]:
         changes["task"] = arguments.task
     if arguments.physics is not None:
         if not isinstance(stored.env, ZoneConfig):
-            raise UserError("--physics chooses between those of ZoneEnv; this run's environment has no such choice")
+            raise UserError("--physics chooses the physics of ZoneEnv; the environment of this run offers no choice")
         changes["env"] = make_env(dataclasses.replace(stored.env, physics=arguments.physics))
     if arguments.episode_length is not None:
         changes["episode_length"] = arguments.episode_length

@@ -67,7 +67,7 @@ def _count(result: Result, trained: Config, tasks: Sequence[str], most: int) -> 
         counted = met.pools_counted(trained, result.iteration, most)
         if counted == 0:
             return {}, f"-: not counted; --pools N counts the rows of N of the {drawn} pools that training drew."
-        print(f"counting the rows of {counted} of the {drawn} pools that training drew (--pools)", flush=True)
+        print(f"counting the rows of {counted} of the {drawn} pools drawn in training (--pools)", flush=True)
     try:
         found = met.met_in_training(trained, env, tasks, result.iteration, counted)
     except TooLargeError as error:

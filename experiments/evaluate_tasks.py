@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from experiments.cli.words import counted
 from experiments.evaluate_rows import rows_met
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.task_report import tasks_table
@@ -15,7 +16,7 @@ from t2tl_jax.runs.result import Result
 
 
 def listed(text: str) -> list[str]:
-    """The tasks of `--tasks`: a file with one on each line (`#` begins a comment), or a list apart by commas.
+    """The tasks of `--tasks`: a file with one on each line (`#` begins a comment), or a list separated by commas.
 
     Raises:
         UserError: for a file that cannot be read, or an empty list.
@@ -27,7 +28,7 @@ def listed(text: str) -> list[str]:
         raise UserError(f"cannot read the tasks in {path}: {error}") from error
     words = [word for line in lines if (word := line.partition("#")[0].strip())]
     if not words:
-        raise UserError(f"--tasks {text!r} holds no task; give names, formulas or a file of them, such as z1,z2")
+        raise UserError(f"--tasks {text!r} holds no task; give names or formulas, such as z1,z2, or a file of them")
     return words
 
 
@@ -49,7 +50,8 @@ def evaluate(
     """
     tables = result.tables(tasks)
     params = {name: result.params_of(name) for name in which}
-    print(f"playing {len(tables)} tasks, {episodes} episodes of each per seed and policy", flush=True)
+    what = f"{counted(len(tables), 'task')}, {counted(episodes, 'episode')}"
+    print(f"playing {what} of each per seed and policy", flush=True)
     played = evaluations.evaluate_tables(
         result.experiment, params, list(tables.values()), episodes, result.config.episode_length
     )
@@ -81,7 +83,7 @@ def certify(
     index, own = result.index(seed), result.experiment.table
     if tasks is None and own.num_tasks > 1:
         raise UserError(
-            f"{result.config.task} stands for several tasks: choose those to certify, such as --tasks z1,z2"
+            f"{result.config.task} stands for several tasks: choose which to certify, such as --tasks z1,z2"
         )
     tables = {str(result.config.task): own} if tasks is None else result.tables(tasks)
     found = certificates.certify(

@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Arguments:
-    """Play one episode of every formula that is typed, or comes line by line from a file or a pipe, until its end; the
-    policy is the deterministic one. What is left to do is printed as the episode goes on."""
+    """Play one episode of every formula that is typed, or read line by line from a file or a pipe, with the
+    deterministic policy, and print what is left to do after each step that changes it."""
 
     run: tyro.conf.Positional[Path]
     """Folder of the run."""
     gif: Path | None = None
-    """Draw every episode there, the next one in place of the last, with what is left to do below the picture."""
+    """Draw each episode in this file, in place of the previous one, with what is left to do below the picture."""
     seed: int | None = None
-    """Which of the run's seeds; the first one by default."""
+    """Which of the run's seeds plays; the first one by default."""
     which: Literal["final", "best"] = "final"
-    """The parameters at the end of training, or those that did best in episodes played to choose between them."""
+    """The parameters at the end of training, or those that did best in the episodes played for selection."""
     episode_length: int | None = None
-    """Another time limit, in steps."""
+    """Time limit of an episode in steps; that of the run by default."""
     plan: Literal["none", "critic"] | None = None
-    """Whether to choose among the ways that a formula leaves open by the critic's value; by default as the run's."""
+    """Whether the critic's value chooses among the ways that a formula leaves open; as in the run by default."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,6 +53,7 @@ def _main(texts: list[str]) -> int:
     )
     if arguments.episode_length is not None and arguments.episode_length < 1:
         raise UserError(f"--episode-length must be at least 1, got {arguments.episode_length}")
+    _check_gif(arguments.gif)
     with quiet_imports():
         import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.cli import compilation_cache
@@ -66,7 +67,7 @@ def _main(texts: list[str]) -> int:
     result = train.load(arguments.run, **changes)
     view = result.experiment.env.view()
     if arguments.gif is not None and view is None:
-        raise UserError("--gif: this run's environment has no view from above")
+        raise UserError("--gif: the environment of this run has no view from above to draw")
     prompt = Prompt(result, arguments.seed, arguments.which, arguments.episode_length)
     _warm_up(prompt, result.experiment.env.propositions)
     failed = False
@@ -81,6 +82,16 @@ def _main(texts: list[str]) -> int:
         if arguments.gif is not None:
             _draw(played, view, arguments.gif)
     return INVALID if failed and not sys.stdin.isatty() else 0
+
+
+def _check_gif(file: Path | None) -> None:
+    """Refuse a picture that could not be written, before anything is compiled or played."""
+    if file is None:
+        return
+    if file.suffix.lower() != ".gif":
+        raise UserError(f"--gif is written as GIF: give a name that ends in .gif, got {file}")
+    if not file.parent.is_dir():
+        raise UserError(f"--gif {file}: there is no folder {file.parent}; make it, or name one that exists")
 
 
 def _warm_up(prompt: "Prompt", propositions: Sequence[str]) -> None:
@@ -121,7 +132,7 @@ def _story(played: "Played") -> str:
     *steps, (last, _) = [*played.progress(), (len(played.recording.rows) - 1, "")]
     if played.recording.verdict:
         steps = steps[:-1]  # true or false, which the last line says
-    note = ", programs compiled anew for its size" if played.is_new_shape else ""
+    note = ", programs compiled for its size first" if played.is_new_shape else ""
     return "\n".join(
         [
             *(f"{step:6}  {text}" for step, text in steps),

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Literal
 
 from experiments.cli.errors import guarded
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import UserError, did_you_mean, explained
 from t2tl_jax.flags import parse
-from t2tl_jax.names import meant
 from t2tl_jax.quiet import quiet_imports
 
 STARTED = time.monotonic()
@@ -31,32 +30,32 @@ ANY_RESULTS = ROOT / "results" / "any"
 
 @dataclass(frozen=True)
 class Arguments:
-    """Train what the paper's tables and figures need, and write them beside the published values. What is done is kept;
-    the same command goes on with what is not."""
+    """Train what the paper's tables and figures need, and write them beside the published values. Finished runs are
+    kept; give the same command again to continue with the others."""
 
     only: str = ""
-    """Items, or single runs of them, separated by commas; 'paper' are all items of the paper, 'any' all of agents for
-    any task; all of both by default. --list True shows them."""
+    """Items, or single runs of them, separated by commas: 'paper' for all items of the paper, 'any' for all items on
+    agents for any task. By default both; --list True shows them."""
     scale: Literal["smoke", "full"] = "full"
-    """full: 12 seeds (or as many as a run says) and the paper's budgets, for GPUs. smoke: every item with tiny networks
-    and budgets on a CPU, to see that all of it runs; its figures mean nothing and say so."""
+    """full: 12 seeds (unless a run says otherwise) and the paper's budgets, for GPUs. smoke: every item with tiny
+    networks and budgets on a CPU, to check that everything runs; its figures mean nothing, and say so."""
     seeds: str = "12"
-    """How many seeds of each run, or which. Counted from 24 in ZoneEnv, some of whose settings were chosen on 0 to 11,
-    and from 0 in WaterWorld, where they are the maps; a list such as 0,3,7 is meant for all."""
+    """How many seeds each run has, or which. They count from 24 in ZoneEnv, where some settings were chosen on 0 to 11,
+    and from 0 in WaterWorld, where they are the maps; a list such as 0,3,7 applies to all runs."""
     workers: int = 0
-    """So many processes for each GPU, or in all without one, that share the runs; 0 does them in this process, one
-    after another on all GPUs. Small runs leave most of a GPU idle, so that several processes do more than one."""
+    """How many processes share the runs, for each GPU or, without a GPU, in all; 0 trains one run after another in this
+    process, on all GPUs. Small runs leave most of a GPU idle, so several processes get more done than one."""
     minutes: float = float("inf")
-    """Stop after so many minutes, with everything kept; the same command goes on."""
+    """Stop after this many minutes and keep everything; give the same command again to continue."""
     folder: Path = Path("runs/reproduction")
-    """Where the runs lie, in a folder for each scale."""
+    """Where the runs are kept, in a folder for each scale."""
     report: bool = False
-    """Only write what the documentation shows of the repository's stored results: docs/results.md, docs/zeroshot.md,
+    """Train nothing, and write what the documentation shows of the stored results: docs/results.md, docs/zeroshot.md,
     the tables between markers in README.md and docs, and their pictures."""
     keep: bool = False
-    """Train nothing, but copy finished runs of full scale into results/paper and results/any, which needs that they
-    were made from clean commits of this history. Of the methods' own runs the parameters of the first seed are kept
-    too, where they are small."""
+    """Train nothing, and copy finished runs of full scale to results/paper and results/any; they must have been made
+    from clean commits of this history. Of the methods' own runs, the parameters of the first seed are kept as well
+    where they are small."""
     list: bool = False
     """Only show the items and their runs."""
 
@@ -89,9 +88,8 @@ def _main(texts: Sequence[str]) -> int:
     chosen = [name for word in words for name in GROUPS.get(word, (word,))]
     for name in chosen:
         if name not in ITEMS and name not in runs:
-            near = meant(name, [*GROUPS, *ITEMS, *runs])
-            hint = f"did you mean {near!r}? " if near else ""
-            raise UserError(f"unknown item or run {name!r}; {hint}--list True shows all of them")
+            close = did_you_mean(name, [*GROUPS, *ITEMS, *runs])
+            raise UserError(f"unknown item or run {name!r}{close}; --list True shows them all")
     names = [run for name in chosen for run in (ITEMS[name].names(arguments.scale) if name in ITEMS else [name])]
     items = {name: item for name, item in ITEMS.items() if name in chosen or not set(names).isdisjoint(item.runs)}
     if arguments.list:
@@ -103,11 +101,11 @@ def _main(texts: Sequence[str]) -> int:
             print(f"written: {written}")
         return 0
     if arguments.minutes <= 0:
-        raise UserError(f"minutes must be positive, got {arguments.minutes:g}")
+        raise UserError(f"--minutes must be positive, got {arguments.minutes:g}")
     if arguments.workers < 0:
-        raise UserError(f"workers must not be negative, got {arguments.workers}")
+        raise UserError(f"--workers must not be negative, got {arguments.workers}")
     if arguments.keep and arguments.scale != "full":
-        raise UserError("results of a smoke test are not kept in the repository")
+        raise UserError("--keep needs --scale full: results of a smoke test are not kept in the repository")
     with explained():
         seeds = parse_seeds(arguments.seeds)
     if arguments.keep and max(seeds) >= FIRST_TUNING_SEED:
@@ -122,7 +120,7 @@ def _main(texts: Sequence[str]) -> int:
     failed: list[str] = []
     if arguments.keep:
         base.mkdir(parents=True, exist_ok=True)
-        print("nothing is trained; what is finished is kept")
+        print("nothing is trained; finished runs are kept")
     elif arguments.workers:
         jax.config.update("jax_platforms", "cpu")  # this process only waits, and then reads what there is
         progress = work.Progress(runs, names, scale, base)
@@ -160,10 +158,12 @@ def _main(texts: Sequence[str]) -> int:
     print(shown.read_text(encoding="utf-8"))
     print(f"written: {shown}")
     if len(finished) < len(work.needed(runs, names)):
-        print(f"{len(finished)} of {len(work.needed(runs, names))} runs are done; the same command goes on")
+        print(
+            f"{len(finished)} of {len(work.needed(runs, names))} runs are done; give the same command again to continue"
+        )
     elif anew and not failed:
         seconds = round(time.monotonic() - STARTED, 1)
-        print(f"all of it took {seconds:.0f} s, the start of the program included")
+        print(f"everything took {seconds:.0f} s, including the start of the program")
         content = {"where": provenance.describe(["python", "-m", "experiments.reproduce", *texts]), "seconds": seconds}
         write_json(base / "time.json", content | {"items": len(items), "runs": len(finished)})
     if failed:

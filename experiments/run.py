@@ -62,7 +62,7 @@ def _run(config: Any, name: str, asked: Any, words: list[str]) -> int:
             _train(config, path, asked, stop, words)
         except Interrupted as when:
             kept = (path / "config.json").is_file()
-            print(f"stopped {when}; {f'continue with --resume {path}' if kept else 'nothing had been written'}")
+            print(f"stopped {when}; {f'continue with --resume {path}' if kept else 'nothing was written'}")
         return stop.leave(0)
 
 
@@ -120,7 +120,8 @@ def _conclude(result: Any, stop: Any) -> None:
     def evaluate() -> None:
         if not (finished and episodes):
             return
-        print(f"evaluating the final and the best parameters, {episodes} episodes per seed and policy", flush=True)
+        many = words.counted(episodes, "episode")
+        print(f"evaluating the final and the best parameters, {many} per seed and policy", flush=True)
         reports = evaluations.evaluate_policies(experiment, result.params, episodes, config.episode_length)
         print(table(evaluations.lines(reports)), flush=True)
         with _noted("the evaluation is not stored"):

@@ -27,12 +27,12 @@ class Arguments:
     """What to compare."""
 
     training: Task = "chains"
-    """What is trained on: families or tasks, apart by commas. The fields of one family that is data can be given too:
+    """What is trained on: families or tasks, separated by commas. One family that is data can be given with its fields:
     --training chains --training.depth 1 3."""
     tests: Task = "z1,z2,z3,z4,z5,z6"
     """What is tested on, likewise."""
     propositions: str = ",".join(COLOURS)
-    """Those of the environment, in its order, apart by commas."""
+    """Those of the environment, in its order, separated by commas."""
     alphabet: Literal["every_subset", "at_most_one"] = "at_most_one"
     """Which letters exist: every set of propositions, or at most one proposition at a time."""
     draws: int = DRAWS

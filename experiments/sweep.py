@@ -18,25 +18,26 @@ STARTED = time.monotonic()
 
 DESCRIPTION = f"""Train every point of a grid of settings, each with the same seeds, and compare them; or search.
 
-  --grid FIELD=VALUE,VALUE  a field of the configuration and its values; several options make a product of them.
-                            'method' is one, too. The sizes of a tuple are parted by spaces: 'FIELD=64 64,128 128'
-  --search TRIALS           try so many settings, which Optuna proposes (the extra 'search'), instead of a grid
+  --grid FIELD=VALUE,VALUE  a field of the configuration and its values; give several to train their product. 'method'
+                            counts as a field. Separate the sizes of a tuple by spaces: 'FIELD=64 64,128 128'
+  --search TRIALS           instead of a grid, try this many settings proposed by Optuna (the extra 'search')
   --space FIELD=RANGE       what a search varies: 0.9..0.99, log:1e-5..1e-3, or values such as gelu,relu
-  --batch TRIALS            how many settings are proposed, and trained, at a time; 8 by default
-  --search-seed NUMBER      of the proposals; 0 by default
-  --workers NUMBER          let so many processes train at a time, as jobs of submitit (the extra 'cluster')
-  --cluster local|slurm     whether these run on this machine (as by default) or on a SLURM cluster
+  --batch TRIALS            how many settings are proposed and trained at a time; 8 by default
+  --search-seed NUMBER      the seed of the proposals; 0 by default
+  --workers NUMBER          train in this many processes at a time, as jobs of submitit (the extra 'cluster')
+  --cluster local|slurm     run these jobs on this machine (the default) or on a SLURM cluster
   --cluster-option X=VALUE  a parameter of submitit, such as timeout-min=600, gpus-per-node=1, slurm-partition=gpu
-  --only NUMBER,NUMBER      only train these points, counted from 0, as a job does; the table is left to another process
-  --folder FOLDER           where the runs lie; by default NAME_sweep or NAME_search in the configuration's run.folder
-  --config, --method, --import and every other option of experiments.run (whose --help lists them) for all points
+  --only NUMBER,NUMBER      train only these points, counted from 0, as a job does, and print no table
+  --folder FOLDER           where the runs are kept; by default NAME_sweep or NAME_search in the run.folder of the
+                            configuration
+  --config, --method, --import and every other option of experiments.run (see its --help) apply to all points
 
-Numbers that only enter arithmetic (rates, discounts, coefficients, noise) train side by side in one program; another
-value of any other field is another program, and these are trained one after another. The same command goes on after an
-interruption, and with more values or trials adds their runs. Every point becomes an ordinary run.
+Values of numbers that only enter arithmetic (rates, discounts, coefficients, noise) train side by side in one program.
+Each value of any other field needs a program of its own, and these train one after another. After an interruption the
+same command continues; with more values or trials it adds their runs. Every point becomes an ordinary run.
 
-A search trains on seeds from 100 on (--seeds 4 means 100 to 103), and ends with the command that reports the best
-setting on others.
+A search trains on seeds from 100 on (--seeds 4 means 100 to 103), and ends by printing the command that reports the
+best setting on other seeds.
 
 Examples:
   {PROG} --config zone_ppo --grid learner.learning-rate=1e-4,3e-4 --grid method=t1tl,gnn --seeds 12
@@ -70,7 +71,7 @@ def _main(texts: list[str]) -> int:
             else:
                 _grid(plan, work)
         except Interrupted as when:
-            print(f"stopped {when}; the same command goes on")
+            print(f"stopped {when}; give the same command again to continue")
     return stop.leave(0)
 
 
@@ -103,9 +104,9 @@ def _in_words(axis: Any, points: Sequence[Any]) -> str:
 
     numbers = [grid.is_number(point.config, axis.field) for point in points]
     if any(numbers):
-        apart = "" if all(numbers) else "; where there is none (None, or no random starts) it is another program"
+        apart = "" if all(numbers) else "; where there is none (None, or no random starts), it needs another program"
         return f"{axis.flag}: a number that only enters arithmetic; its values train side by side{apart}"
-    return f"{axis.flag}: more than a number in the arithmetic; every value is a program of its own"
+    return f"{axis.flag}: more than a number in the arithmetic; every value needs a program of its own"
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from t2tl_jax.agents.ppo_config import PPOConfig
     from t2tl_jax.env import EnvConfig, LabelledEnv
     from t2tl_jax.errors import UserError
-    from t2tl_jax.ltl import Formula, TaskTable, compile_tasks, parse, progress, register_family, sample
+    from t2tl_jax.ltl import Formula, LTLError, TaskTable, compile_tasks, parse, progress, register_family, sample
     from t2tl_jax.networks.actor_critic import NetworkConfig
     from t2tl_jax.networks.context import ContextConfig
     from t2tl_jax.networks.objects import ObjectsConfig
@@ -59,6 +59,7 @@ _HOME = {
     "Formula": "ltl",
     "Interrupted": "runs.interrupts",
     "LabelledEnv": "env",
+    "LTLError": "ltl",
     "LearnerConfig": "training.types",
     "NetworkConfig": "networks.actor_critic",
     "Objects": "objects",

@@ -4,8 +4,11 @@ Every condition is one that NaN does not meet.
 """
 
 import math
+import typing
 
 import numpy as np
+
+from t2tl_jax.names import ALIKE, nearest
 
 COUNTER_LIMIT = 2**31 - 1
 """The largest number to which the counters of a compiled program, int32, can count."""
@@ -16,6 +19,35 @@ EPISODES_LIMIT = 1_000_000
 
 POOL_LIMIT = 2**26
 """Most bytes of the maps that one seed has at a time: 64 MiB, some hundred thousand maps, which take minutes."""
+
+
+_NAMES = {int: "a whole number", float: "a number", str: "a text", bool: "True or False"}
+
+
+def kinds(config: object) -> None:
+    """Every field of a dataclass that holds a number, a text, a truth value or one of several words, by its annotation.
+
+    Raises:
+        ValueError: for the first that holds something of another kind, or a word that is none of those that it may
+            hold, with the nearest.
+    """
+    for name, hint in typing.get_type_hints(type(config)).items():
+        value = getattr(config, name)
+        if typing.get_origin(hint) is typing.Literal:
+            words = typing.get_args(hint)
+            if value not in words:
+                close = nearest(str(value), map(str, words), cutoff=ALIKE)
+                meant = f"; did you mean {close!r}?" if close else ""
+                raise ValueError(f"{name} must be one of {', '.join(map(str, words))}, got {value!r}{meant}")
+        elif hint in _NAMES and not _is(value, hint):
+            raise ValueError(f"{name} must be {_NAMES[hint]}, got {value!r}")
+
+
+def _is(value: object, kind: type) -> bool:
+    """Whole numbers may be given as 2e5, which other checks look at; a truth value is no number."""
+    if kind is bool or isinstance(value, bool | np.bool_):
+        return kind is bool and isinstance(value, bool | np.bool_)
+    return isinstance(value, str if kind is str else int | float | np.number)
 
 
 def whole(config: object, *names: str) -> None:

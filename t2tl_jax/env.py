@@ -13,12 +13,15 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import jax
-from brax.envs.base import Env, State
 
 from t2tl_jax.objects import Objects
+from t2tl_jax.quiet import quiet_imports
 from t2tl_jax.view import View
 
-__all__ = ["Alphabet", "EnvConfig", "EnvParams", "LabelledEnv", "Purpose", "State"]
+with quiet_imports():  # of MJX; others here take the names of brax from this module
+    from brax.envs.base import Env, State
+
+__all__ = ["Alphabet", "Env", "EnvConfig", "EnvParams", "LabelledEnv", "Purpose", "State"]
 
 Alphabet = Literal["at_most_one", "every_subset"]
 

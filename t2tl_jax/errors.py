@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-from t2tl_jax.names import meant
+from t2tl_jax.names import ALIKE, nearest
 
 
 class UserError(ValueError):
@@ -14,14 +14,18 @@ class NotRegistered(UserError):
     """A name of which only a module that was not imported may know."""
 
 
-def unknown(kind: str, given: object, known: Iterable[str]) -> UserError:
-    """The error for a name that does not exist, with the one that may be meant and all of them."""
+def unknown(kind: str, given: str, known: Iterable[str]) -> UserError:
+    """The error for a name that does not exist, with the nearest one and all of them."""
     names = sorted(known)
     if not names:
         return UserError(f"unknown {kind} {given!r}; none is registered")
-    near = meant(str(given), names)
-    hint = f"; did you mean {near!r}?" if near else ""
-    return UserError(f"unknown {kind} {given!r}{hint}\nKnown: {', '.join(names)}")
+    return UserError(f"unknown {kind} {given!r}{did_you_mean(given, names)}\nKnown: {', '.join(names)}")
+
+
+def did_you_mean(given: str, known: Iterable[str]) -> str:
+    """Return `; did you mean '...'?` for the closest of the known names, or nothing when none is close."""
+    close = nearest(given, known, cutoff=ALIKE)
+    return f"; did you mean {close!r}?" if close else ""
 
 
 class Note(UserWarning):

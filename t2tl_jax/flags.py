@@ -16,9 +16,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import tyro
 
-from t2tl_jax.errors import UserError, unknown
-from t2tl_jax.names import FEW, meant
-from t2tl_jax.old_names import new_flag
+from t2tl_jax.errors import UserError, did_you_mean, unknown
 
 T = TypeVar("T")
 
@@ -112,27 +110,40 @@ def _refuse_unknown(arguments: Sequence[str], known: Sequence[str], first: str |
         raise UserError(f"--{first} is no option: give it by itself; see {prog} --help")
     wrong = [flag for flag in given if flag.replace("_", "-") not in known]
     if wrong:
-        raise UserError("\n".join([*(_about(flag, known) for flag in wrong), f"All options: {prog} --help"]))
+        lines = [f"unknown option {flag!r}{_meant(flag, known)}" for flag in wrong]
+        raise UserError("\n".join([*lines, f"All options: {prog} --help"]))
 
 
-def _about(flag: str, known: Sequence[str]) -> str:
-    """What there is to say of a flag that does not exist: its name of today, one that may be meant, or all there are.
+RENAMED = {
+    "--ppo.clip": "--learner.clip-eps",
+    "--ppo.rollout-steps": "--learner.unroll-length",
+    "--dqn.steps-per-iteration": "--learner.unroll-length",
+    "--dqn.simultaneous": "--learner.counterfactual",
+    "--simultaneous": "--random-starts",
+    "--checkpoint": "--which",
+    "--network.one-hot-size": "--learner.network.task-encoder.size",
+}
+"""Flags of version 0.1, and what they are called now."""
 
-    It is compared by what follows the part that it names (`--learner.`), in which all flags of the part are alike.
-    """
-    written = flag.replace("_", "-")
-    now = new_flag(written)
-    if now in known:
-        return f"{flag} is now {now}"
-    name = now or written
-    part = name[: name.rfind(".") + 1] or "--"
-    beside = {other.removeprefix(part): other for other in known if other.startswith(part)}
-    near = beside.get(meant(name.removeprefix(part), beside), "") if beside else meant(name, known)
-    if near:
-        return f"unknown option {flag!r}; did you mean {near!r}?"
-    if now and any(other.startswith(now.partition(".")[0]) for other in known):
-        return f"{flag} is now {now}, which this configuration does not have"
-    return f"unknown option {flag!r}" + (f"; known: {', '.join(beside.values())}" if 0 < len(beside) <= FEW else "")
+MOVED = {
+    "--network.context.transformer.": "--learner.network.context.reader.",
+    "--network.transformer.": "--learner.network.task-encoder.",
+    "--network.rgcn.": "--learner.network.task-encoder.",
+    "--network.gru.": "--learner.network.task-encoder.",
+    "--network.": "--learner.network.",
+    "--ppo.": "--learner.",
+    "--dqn.": "--learner.",
+}
+"""How flags of version 0.1 began, and how they begin now; the first that fits counts."""
+
+
+def _meant(flag: str, known: Sequence[str]) -> str:
+    """What somebody may have meant by an unknown flag; '' if nothing is like it."""
+    plain = flag.replace("_", "-")
+    now = RENAMED.get(plain) or next(
+        (f"{there}{plain.removeprefix(old)}" for old, there in MOVED.items() if plain.startswith(old)), ""
+    )
+    return f"; since version 0.2 it is {now}" if now in known else did_you_mean(flag, known)
 
 
 def _grouped(arguments: Sequence[str], fields: Mapping[str, Any]) -> tuple[list[str], dict[str, list[str]]]:
@@ -196,9 +207,9 @@ def _replaced(part: T, values: Mapping[str, Any], prefix: str = "--") -> T:
         elif dataclasses.is_dataclass(old) and any(name.startswith(flag + ".") for name in values):
             try:
                 changes[field.name] = _replaced(old, values, flag + ".")
-            except UserError:
-                raise
             except ValueError as error:
+                if type(error) is UserError:  # of a part of it, which is named already
+                    raise
                 raise UserError(f"{(flag[2:]).replace('-', '_')}: {error}") from error
     return dataclasses.replace(part, **changes) if changes else part  # type: ignore[type-var]
 

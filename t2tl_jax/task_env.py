@@ -12,11 +12,10 @@ from typing import Literal, get_args
 
 import jax
 import jax.numpy as jnp
-from brax.envs.base import Env, State
 from flax import struct
 from jax.typing import ArrayLike
 
-from t2tl_jax.env import EnvParams, LabelledEnv, Purpose
+from t2tl_jax.env import Env, EnvParams, LabelledEnv, Purpose, State
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.objects import Objects
 

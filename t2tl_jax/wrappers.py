@@ -2,10 +2,9 @@
 
 import jax
 import jax.numpy as jnp
-from brax.envs.base import Env, State
 from jax.typing import ArrayLike
 
-from t2tl_jax.env import Purpose
+from t2tl_jax.env import Env, Purpose, State
 from t2tl_jax.task_env import TaskEnv, TaskParams
 
 

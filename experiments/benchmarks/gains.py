@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
@@ -102,6 +103,23 @@ def segments() -> tuple[Form, Form]:
     return forms[0], forms[1]
 
 
+def next_values() -> tuple[Form, Form]:
+    """An iteration of T1TL that computes V(s') of every step, and one that takes most from the next step's V(s)."""
+    import jax
+    import jax.numpy as jnp
+
+    from experiments.benchmarks.trainings import training
+    from t2tl_jax.agents import ppo
+
+    def every_step(truncated: jax.Array, episode_length: int) -> jax.Array:
+        return jnp.broadcast_to(jnp.arange(len(truncated))[:, None], truncated.shape)
+
+    config = replace(training("zone_ppo:t1tl:closed_form"), seeds="1")
+    with patch.object(ppo, "last_steps", every_step):
+        before = _iteration(config)
+    return before, _iteration(config)
+
+
 def next_state() -> tuple[Form, Form]:
     """A gradient of double DQN that also flows through the values at s', with a weight of zero, and one that does not.
 
@@ -170,7 +188,11 @@ def _iteration(config: Any) -> Form:
     return Form(once, work[""].flop)
 
 
-STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {"segments": segments, "next_state": next_state}
+STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {
+    "segments": segments,
+    "next_values": next_values,
+    "next_state": next_state,
+}
 """Both forms of each step, the slow one first."""
 
 

@@ -22,6 +22,6 @@ def use(folder: str) -> None:
     except OSError as error:
         raise UserError(
             f"cannot create {path} ({error.strerror}) for compiled programs; JAX_COMPILATION_CACHE_DIR names another "
-            "folder, and a training goes without one by --run.compilation-cache ''"
+            "folder, and --run.compilation-cache '' trains without one"
         ) from error
     jax.config.update("jax_compilation_cache_dir", str(path))

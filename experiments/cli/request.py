@@ -16,27 +16,30 @@ from experiments.methods import METHODS, apply
 from t2tl_jax.errors import Note, UserError, explained, unknown
 from t2tl_jax.flags import HELP, parse
 from t2tl_jax.ltl import TaskFamily, named_families
+from t2tl_jax.names import nearest
 from t2tl_jax.registry import configs, named_config
 from t2tl_jax.runs import config_files, machine_files
 from t2tl_jax.runs.config import Config, RunConfig
 from t2tl_jax.runs.config_files import REGISTRIES
+from t2tl_jax.runs.differences import in_short
 from t2tl_jax.runs.folder import name_of, open_existing
 
 DESCRIPTION = """Train an agent on a temporal-logic task.
 
-  --config NAME   start from a named configuration, or from that in a file, NAME.json, such as the config.json of a
-                  run, whose run.folder is not taken; every option below overrides one of its fields
-  --method NAME   make it one of the methods t2tl, t1tl, gnn, rm, dfa, dfa_cont, dfa_number or rm_6, and no more
-  --list          show the named configurations, the methods, and what else has a name
-  --resume RUN    continue a finished or interrupted run; of the options below only --frames (to train longer),
+  --config NAME   start from a named configuration, or from a file NAME.json such as the config.json of a run, whose
+                  run.folder is ignored; every option below overrides one of its fields
+  --method NAME   turn it into one of the methods t2tl, t1tl, gnn, rm, dfa, dfa_cont, dfa_number or rm_6, changing
+                  nothing else
+  --list          show the named configurations, the methods, and all other names
+  --resume RUN    continue a finished or interrupted run; of the options below, only --frames (to train longer),
                   --until-solved, --convergence.* and --run.* apply
-  --hosts WHO     one run over several processes, each of which is started with this: slurm, or HOST:PORT,COUNT,INDEX
-  --import MODULE a module of your own that registers environments, learners, task encoders or configurations
-  --PART KIND     another kind of environment (--env), learner (--learner) or task encoder
+  --hosts WHO     spread one run over several processes, each started with this option: slurm, or HOST:PORT,COUNT,INDEX
+  --import MODULE import a module of yours that registers environments, learners, task encoders or configurations
+  --PART KIND     use another kind of environment (--env), learner (--learner) or task encoder
                   (--learner.network.task-encoder), with its defaults
-  --task KIND     tasks of a family that is data, such as chains; --task.FIELD then sets its fields
+  --task KIND     draw tasks from a family with fields, such as chains, which --task.FIELD then sets
   --PART None     leave out an optional part that the configuration has, such as --learner.network.context
-  --PART.FIELD X  put in an optional part that it has not, such as --learner.network.context.length 8
+  --PART.FIELD X  add an optional part that the configuration lacks, such as --learner.network.context.length 8
 
 Examples:
   python -m experiments.run --config zone_ppo --seeds 4
@@ -47,7 +50,7 @@ Examples:
   python -m experiments.run --config runs/zone_ppo/2026-01-31_12-00-00/config.json --seeds 12
   python -m experiments.run --resume runs/zone_ppo/2026-01-31_12-00-00
 
-The defaults shown are those of the chosen configuration."""
+The defaults shown are those of """
 
 
 CHOOSING = ("--config", "--method", "--resume", "--list", "--import", "--hosts")
@@ -110,6 +113,9 @@ def read(arguments: Sequence[str], prefix: str = "") -> Request:
     if known.resume is not None and (known.config is not None or known.method is not None):
         raise UserError("--resume continues a run with its own configuration; leave --config and --method out")
     if known.config is None and known.resume is None and not (known.list or asked.helping):
+        word = rest[0] if rest and not rest[0].startswith("-") else ""
+        if close := word if word and _is_file(word) else nearest(word, names(prefix), cutoff=0.6):
+            raise UserError(f"every option begins with --, got {word!r}; did you mean --config {close}?")
         raise UserError(
             f"choose a configuration with --config NAME ({', '.join(names(prefix))}) or --config FILE.json, or a run "
             "with --resume RUN"
@@ -126,16 +132,23 @@ def configuration(asked: Request, prefix: str, prog: str) -> tuple[Config, str]:
     if asked.resume is not None and not asked.helping:
         return override(open_existing(asked.resume)[1], asked.rest, prog), asked.resume.name
     given = asked.config or names(prefix)[0]  # the first one for --help without a name
+    shown = "the chosen configuration" if asked.config else f"{given}, since no configuration is chosen"
     if given in names(prefix):
         name = prefix + given
         config = named_config(name)
     else:
+        if not Path(given).is_file():
+            why = "it is a folder" if Path(given).is_dir() else "there is no such file"
+            raise UserError(
+                f"cannot read {given}: {why}; --config "
+                "takes a path to a file such as the config.json of a run, or one of the names that --list shows"
+            )
         config, name = config_files.load(Path(given)), name_of(Path(given))
         # Where runs are written, this machine says or a flag: a file may be a stranger's.
         config = dataclasses.replace(config, run=dataclasses.replace(config.run, folder=RunConfig().folder))
     if asked.method is not None:
         config, name = apply(config, asked.method), f"{name}_{asked.method}"
-    config = override(config, asked.rest, prog)
+    config = override(config, asked.rest, prog, shown)
     return (config if given in names(prefix) else _of_file(config, Path(given), asked.rest)), name
 
 
@@ -169,10 +182,25 @@ def list_configs(prefix: str = "") -> str:
     return "\n".join([*lines, "", "methods:", *methods, "", *kinds])
 
 
-def override(config: Config, arguments: Sequence[str], prog: str = "python -m experiments.run") -> Config:
-    """The configuration with the fields that the flags name replaced; otherwise as ``flags.parse``."""
+def override(
+    config: Config,
+    arguments: Sequence[str],
+    prog: str = "python -m experiments.run",
+    shown: str = "the chosen configuration",
+) -> Config:
+    """The configuration with the fields that the flags name replaced; otherwise as ``flags.parse``.
+
+    Args:
+        config: whose fields are replaced.
+        arguments: the flags.
+        prog: how the program is called, for its help.
+        shown: what the help says whose the defaults are.
+    """
     config, rest = with_parts(config, list(arguments))
-    config = parse(Config, rest, prog, DESCRIPTION, default=config, others=CHOOSING)
+    if HELP & set(rest):
+        config = copy.copy(config)
+        object.__setattr__(config, "task", in_short(config.task))  # as a default in the help, which is all that follows
+    config = parse(Config, rest, prog, f"{DESCRIPTION}{shown}.", default=config, others=CHOOSING)
     with explained():  # what the checks of the dataclasses say
         return _checked(config)
 

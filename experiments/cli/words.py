@@ -9,6 +9,7 @@ import numpy as np
 from t2tl_jax.evaluation.curves import sparkline
 from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
+from t2tl_jax.runs.differences import in_short
 from t2tl_jax.runs.result import Result
 from t2tl_jax.runs.success import window
 
@@ -27,7 +28,7 @@ class Words(Callback):
         if progress.done:
             print(f"resuming after iteration {progress.done:,}")
         if progress.done >= progress.iterations:
-            print(f"all {progress.iterations:,} iterations are done; --frames with a larger number goes on")
+            print(f"all iterations ({progress.iterations:,}) are done; a larger --frames continues")
         print(_plan(progress, self._what), flush=True)
 
     def on_start(self, progress: TrainingProgress) -> None:
@@ -64,7 +65,7 @@ class Words(Callback):
 def _plan(progress: TrainingProgress, what: str) -> str:
     config, iterations, per_iteration = progress.config, progress.iterations, progress.frames_per_iteration
     actual = iterations * per_iteration
-    frames = f"{actual:,} frames per seed = {iterations:,} iterations x {per_iteration:,}"
+    frames = f"{actual:,} frames per seed = {counted(iterations, 'iteration')} x {per_iteration:,}"
     if actual != config.frames:
         more = actual - config.frames
         frames += f" (asked for {config.frames:,}: {more:+,}, since iterations are whole)"
@@ -73,12 +74,17 @@ def _plan(progress: TrainingProgress, what: str) -> str:
     return "\n".join(
         (
             f"{what:6} {progress.folder}",
-            f"task   {config.task}",
+            f"task   {in_short(config.task)}",
             f"plan   {frames}; {seeds}",
             f"device {devices[0].device_kind}, {progress.devices} of {len(devices)} used",
             *_more_plan(progress),
         )
     )
+
+
+def counted(count: int, thing: str) -> str:
+    """How many things there are: ``1 iteration``, ``2,000 iterations``."""
+    return f"{count:,} {thing}{'' if count == 1 else 's'}"
 
 
 def _more_plan(progress: TrainingProgress) -> list[str]:
@@ -87,21 +93,22 @@ def _more_plan(progress: TrainingProgress) -> list[str]:
     if progress.has_pools:
         pool = config.pool
         lines.append(
-            f"pools  {pool.size} random formulas for {pool.period} iterations, then others, the same for all seeds"
+            f"pools  {counted(pool.size, 'random formula')} for {counted(pool.period, 'iteration')}, then others, "
+            "the same for all seeds"
         )
     if config.until_solved:
         lines.append(
-            f"stop   sooner if success stays above 95 % for {window(config)} iterations in a row, in every seed"
+            f"stop   earlier if success stays above 95 % for {window(config)} iterations in a row, in every seed"
         )
     if config.convergence.window:
         end = config.convergence
         lines.append(
-            f"stop   sooner if the return gains at most {end.delta:g} from {end.window} iterations to the next as many"
+            f"stop   earlier if the return gains at most {end.delta:g} from {end.window} iterations to the next"
         )
     if "pretraining" in progress.notes:
         lines.append(f"before {pretraining.in_words(progress.notes['pretraining'])}")
     elif pretraining.is_auto(config):
-        lines.append("before pre-training of the task encoder, counted apart")
+        lines.append("before pre-training of the task encoder, which is counted separately")
     elif config.pretrained:
         lines.append(f"before the task encoder of {config.pretrained}")
     return lines

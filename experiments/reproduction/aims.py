@@ -45,10 +45,10 @@ AIMS = (
 
 NOT_MEASURED = """Not measured: a second start of T1TL and T2TL on the H200, by the cache, in under 10 s."""
 
-COMPILING = """What keeps T1TL's compiling above its aim is the choice of a kernel for each of about a hundred matrix
-products, most of them of the task's Transformer, whose four layers are written out. Without Triton's products it
-compiles within the aim, but trains a tenth slower; fewer candidates for each save little and make it a third slower.
-These trials are not stored. Layers in a loop halve the products; on a CPU they compile and run slower, and on a GPU
+COMPILING = """In trials that are not stored, most of T1TL's compiling was the choice of a kernel for each of about a
+hundred matrix products, most of them of the task's Transformer, whose four layers are written out. Without Triton's
+products it compiled within the aim, but trained a tenth slower; fewer candidates for each saved little and made it a
+third slower. Layers in a loop halve the products; on a CPU they compile and run slower, and on a GPU
 that is not measured."""
 
 

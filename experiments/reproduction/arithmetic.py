@@ -14,8 +14,8 @@ from t2tl_jax.runs.folder import read_json
 FILE = "arithmetic.json"
 """Of `experiments.benchmarks.arithmetic`, among the results."""
 
-TABLES = "tables.json"
-"""Of `experiments.benchmarks.tables`."""
+TABLES = "tables*.json"
+"""Of `experiments.benchmarks.tables`, one for each kind of hardware."""
 
 PEAK_TFLOP, PEAK_TBYTE = 67.0, 4.8
 """Of an H200 a second, as NVIDIA has it: single precision without tensor cores, and memory."""
@@ -78,7 +78,8 @@ def _on_a_gpu(results: Path, straight: Mapping[str, float]) -> list[str]:
     moved, least = (1e3 * few * size / (PEAK_TBYTE * 1e12) for size in (1e3 * straight["kilobytes"], MOTION))
     arithmetic = 1e3 * few * 1e3 * straight["kiloflop"] / (PEAK_TFLOP * 1e12)
     text = f"""
-        On one H200 a pass of {few:,} environments takes {passes[0]:.2f} ms, of {many:,} {passes[1]:.2f} ms. Moving the
+        On one H200 a pass, taken as an eleventh of a step with its observations, labels and resets, of {few:,}
+        environments takes {passes[0]:.2f} ms, of {many:,} {passes[1]:.2f} ms. Moving the
         bytes above at {PEAK_TBYTE} TB/s would take {moved:.2f} ms for {few:,}, so a GPU moves fewer than the compiler
         counts for a CPU. The floor, one pass over {MOTION} bytes and {straight["kiloflop"]:.0f} kFLOP a robot, is the
         greater of {least:.4f} ms and, at {PEAK_TFLOP:.0f} TFLOP/s, {arithmetic:.3f} ms. By a straight line through the
@@ -131,10 +132,16 @@ def _learning(row: measured.Row, kiloflop: float) -> tuple[str, ...]:
 
 
 def tables(results: Path) -> str:
-    """What an iteration takes on tables of more and more rows."""
-    if not (results / TABLES).is_file():
+    """What an iteration takes on tables of more and more rows, on every kind of hardware that it was timed on."""
+    every = [read_json(file) for file in sorted(results.glob(TABLES))]
+    if not every:
         return "Not measured yet."
-    stored = read_json(results / TABLES)
+    on_gpu = any("cpu" not in stored["where"]["devices"] for stored in every)
+    parts = [_table_of_rows(stored) for stored in every]
+    return "\n\n".join([*parts, *([] if on_gpu else ["On a GPU it was not measured."])])
+
+
+def _table_of_rows(stored: Mapping[str, Any]) -> str:
     settings, found = stored["settings"], stored["results"]
     rows = [
         (
@@ -150,13 +157,8 @@ def tables(results: Path) -> str:
         {settings["unroll_length"]} steps, four epochs of minibatches of {settings["minibatch_size"]} samples, a small
         Transformer; median of {settings["repeats"]}, and the fastest and the slowest."""
     heading = ("rows of the table", "minibatches of", "an iteration", "memory")
-    parts = (
-        paragraph(said),
-        table(heading, rows),
-        paragraph(_as_fast(found, settings["minibatch_size"])),
-        origin([stored["where"]]),
-    )
-    return "\n\n".join(parts)
+    compared = paragraph(_as_fast(found, settings["minibatch_size"]))
+    return "\n\n".join((paragraph(said), table(heading, rows), compared, origin([stored["where"]])))
 
 
 def _as_fast(found: Sequence[Mapping[str, Any]], samples: int) -> str:
@@ -176,7 +178,7 @@ def _as_fast(found: Sequence[Mapping[str, Any]], samples: int) -> str:
     text = f"""
         The aim was that tables of 10,000 rows train at the speed of small ones. With a code that is learned this is
         **not reached** here: {large:,} rows take {times(small)} as {small:,}, since a minibatch holds that many more
-        rows to encode. On a GPU it was not measured. Codes that are looked up have nothing to encode."""
+        rows to encode. Codes that are looked up have nothing to encode."""
     if times(samples):
         text += f"""
             A minibatch has {samples} samples, so there are never more rows to encode than that: compared with a table

@@ -19,6 +19,7 @@ SEEN = 0.005
 
 STEPS = {
     "segments": "T2TL: windows in segments of eight steps instead of one by one (an iteration, closed form)",
+    "next_values": "T1TL: V(s') from the next step's V(s), not computed for every step (an iteration, closed form)",
     "next_state": "DQN: no gradient through s' (a gradient step of T1TL)",
 }
 """What the steps of `experiments.benchmarks.gains` are."""

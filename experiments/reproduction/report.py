@@ -16,7 +16,7 @@ from experiments.reproduction.cells import text
 from experiments.reproduction.changed import changed
 from experiments.reproduction.episode import EpisodeGIF
 from experiments.reproduction.items import PAPER_ITEMS
-from experiments.reproduction.measures import frames_to
+from experiments.reproduction.measures import frames_before, frames_to
 from experiments.reproduction.method_table import method_table
 from experiments.reproduction.page import page, paragraph
 from experiments.reproduction.parts import filled
@@ -144,11 +144,12 @@ def caption(runs: Mapping[str, Stored]) -> str:
     t2tl, t1tl = (runs[name] for name in beside.FRESH)
     reached = [sum(frames < float("inf") for frames in frames_to(run).values()) for run in (t2tl, t1tl)]
     frames, returns = ZONE_CURVES["T2TL_pre (published)"]
-    then = returns[frames.index(t2tl.config.frames)]
+    then, before = returns[frames.index(t2tl.config.frames)], frames_before(t2tl)
     return paragraph(f"""
         *`F(Red & F(Black & F Yellow))` in the MJX ZoneEnv with the defaults, {len(t2tl.seeds)} seeds that nothing was
-        tuned on ({in_words(t2tl.seeds)}), {t2tl.config.frames / 1e6:g} million frames each: success in training rises
-        above 95 % and stays there in {reached[0]} of {len(t2tl.seeds)} seeds of T2TL and {reached[1]} of
-        {len(t1tl.seeds)} of T1TL, and T2TL ends at a discounted return of {text(t2tl.end("discounted_return"))}
-        (published: {then:.2f} at {t2tl.config.frames / 1e6:g} million frames, {returns[-1]:.2f} at
-        {frames[-1] / 1e6:g}). Data: [`results/{beside.SHORT}`](results/{beside.SHORT}).*""")
+        tuned on ({in_words(t2tl.seeds)}), {t2tl.config.frames / 1e6:g} million frames each
+        {f"after {before / 1e6:.2g} million of pre-training on the formula" if before else "without pre-training"}:
+        success in training rises above 95 % and stays there in {reached[0]} of {len(t2tl.seeds)} seeds of T2TL and
+        {reached[1]} of {len(t1tl.seeds)} of T1TL, and T2TL [ends](results/{beside.SHORT}) at a discounted return of
+        {text(t2tl.end("discounted_return"))} (published, read off a picture: {then:.2f} at
+        {t2tl.config.frames / 1e6:g} million frames, {returns[-1]:.2f} at {frames[-1] / 1e6:g}).*""")

@@ -174,9 +174,9 @@ def _what_limits(found: Sequence[Pair]) -> str:
     if not said:
         return ""
     return paragraph(
-        f"So these seeds do not slow each other down across devices. On one device {'; '.join(said)}: fewer seeds "
-        "leave it less busy, and that is what the same seeds lose on several. Of one seed that is shared out this says "
-        "nothing."
+        f"So these seeds hardly slow each other down across devices. On one device {'; '.join(said)}: fewer seeds "
+        "leave it less busy, and the same seeds lose that on several. Of other trainings, and of one seed that is "
+        "shared out, this says nothing."
     )
 
 

@@ -313,13 +313,13 @@ SHORT_TRAININGS = (
 def trainings(results: Path) -> list[tuple[str, str, str]]:
     """Frames/s of whole iterations on one device; a row of which something is not stored is left out.
 
-    A row is of one device, commit and JAX; of several the newest counts. A file of several devices never does: its rows
-    are those of `scaling`.
+    A row is of one device and JAX; of each training the newest counts, as for the aims. A file of several devices never
+    does: its rows are those of `scaling`.
     """
     found: dict[tuple[str, ...], dict[tuple[str, str], str]] = {}
     for where, rows in in_time(results):
         if len(where["devices"]) == 1 and not where.get("git_modified"):
-            setting = (where["devices"][0].replace("NVIDIA ", ""), where["git_revision"], where["packages"]["jax"])
+            setting = (where["devices"][0].replace("NVIDIA ", ""), where["packages"]["jax"])
             of_trainings = [row for row in rows if row.part == "training"]
             rates = found.pop(setting, {})  # to the end, where the newest stand
             found[setting] = rates | {(row.what, row.size): measured.three_digits(row.rate) for row in of_trainings}

@@ -78,7 +78,7 @@ def read(texts: Sequence[str]) -> Plan:
 
     searches = own.search is not None
     if own.grid if searches else own.space:
-        raise UserError("a grid has --grid alone, and a search both --search TRIALS and --space FIELD=RANGE")
+        raise UserError("give --grid alone for a grid, or both --search TRIALS and --space FIELD=RANGE for a search")
     for flag, number, least in (
         ("search", own.search, 1),
         ("batch", own.batch, 1),
@@ -89,9 +89,9 @@ def read(texts: Sequence[str]) -> Plan:
             raise UserError(f"--{flag} takes a whole number from {least} on, got {number}")
     asked = request.read(rest)
     if asked.show_list:
-        raise UserError("a sweep lists nothing: python -m experiments.run --list shows what has a name")
+        raise UserError("a sweep has no --list: python -m experiments.run --list shows all names")
     if asked.resume is not None:
-        raise UserError("a sweep has no --resume: the same command goes on after an interruption")
+        raise UserError("a sweep has no --resume: give the same command again to continue after an interruption")
     if not (own.space if searches else own.grid):
         wanted = "--space FIELD=RANGE" if searches else "--grid FIELD=VALUE,VALUE"
         raise UserError(f"a sweep takes --config NAME and at least one {wanted}; see {PROG} --help")
@@ -132,7 +132,7 @@ def _cluster(handed: argparse.Namespace) -> Cluster | None:
             raise UserError("--cluster and --cluster-option belong to --workers NUMBER: how many jobs at a time")
         return None
     if handed.only is not None:
-        raise UserError("--only is what a job does itself; leave --workers out")
+        raise UserError("--only trains in this process, as a job does; leave --workers out")
     options: dict[str, int | str] = {}
     for text in handed.cluster_option:
         name, equals, value = text.partition("=")

@@ -93,7 +93,7 @@ class Search:
             raise UserError(f"{base} holds a search that differs in {', '.join(differ)}; take another --folder")
 
     def _no_search(self) -> UserError:
-        return UserError(f"{self._file.parent} holds no search yet, of which single trials could be trained")
+        return UserError(f"{self._file.parent} holds no search yet whose trials could be trained by themselves")
 
     def _of_this_version(self, known: Any) -> Any:
         """What is searched, with its configuration as this version writes it: fields that are new have defaults."""

@@ -31,7 +31,7 @@ def run(plan: Plan, work: Work) -> None:
     plan.base.mkdir(parents=True, exist_ok=True)
     with locked(RunFolder(plan.base)):
         search = Search(plan.base, plan.space, plan.search_seed, _content(plan))
-        print(f"search on seeds {plan.config.seeds.rstrip(',')}, which no result is reported on")
+        print(f"search on seeds {plan.config.seeds.rstrip(',')}, on which no result is reported")
         runs: dict[Path, Point] = {}
         for start in range(0, plan.trials, plan.batch):
             numbers = range(start, min(start + plan.batch, plan.trials))

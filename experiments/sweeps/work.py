@@ -77,7 +77,7 @@ class Work:
                 left = {path: config for path, config in left.items() if path not in group}
             elif self.only is None:
                 what = "left of a group whose runs are all there" if same else "an unfinished group of other points"
-                print(f"note: {folder} is {what}, which nothing here goes on with")
+                print(f"note: {folder} is {what}, which this sweep does not use")
         return begun, programs(left)
 
     def _hand_over(self, groups: Sequence[Mapping[Path, Config]], numbers: Mapping[Path, int]) -> None:
@@ -95,7 +95,9 @@ class Work:
         if failed and self.stop.requested:
             raise Interrupted(f"with {len(groups) - len(failed)} of {len(groups)} jobs done")
         if failed:
-            raise UserError(f"{len(failed)} of {len(groups)} jobs did not come to their end; the same command goes on")
+            raise UserError(
+                f"{len(failed)} of {len(groups)} jobs did not finish; give the same command again to continue"
+            )
 
     def _train_group(self, group: Mapping[Path, Config]) -> str:
         """Train one program; why it ended."""

@@ -15,7 +15,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import optax
-from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax.agents.dqn_config import DQNConfig
@@ -24,6 +23,7 @@ from t2tl_jax.agents.replay import make_replay
 from t2tl_jax.agents.row_codes import LARGE, make_codes
 from t2tl_jax.agents.shaping import potential
 from t2tl_jax.agents.td_learning import Embedding, Marked, Transition, code_change, dqn_loss
+from t2tl_jax.env import State
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.context import Carry
 from t2tl_jax.networks.q_network import QNetwork

@@ -12,13 +12,14 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import optax
-from brax.envs.base import State
 from flax import struct
 
 from t2tl_jax.agents.acting import acting_of
+from t2tl_jax.agents.next_values import at_steps, last_steps, segment_and_place, values_of_next
 from t2tl_jax.agents.ppo_config import PPOConfig
-from t2tl_jax.agents.ppo_learning import Batch, by_time, in_segments, minibatch_order, misaligned, ppo_loss
+from t2tl_jax.agents.ppo_learning import Batch, by_time, in_parts, in_segments, minibatch_order, misaligned, ppo_loss
 from t2tl_jax.agents.row_codes import make_codes
+from t2tl_jax.env import State
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic
 from t2tl_jax.networks.context import Carry, Segment, Window
@@ -222,22 +223,26 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
     def make_batch(embedding: jax.Array, params: Params, transitions: Transitions) -> Batch:
         carry = segments_of(params, transitions)
         steps = jax.tree.map(segments, replace(transitions, carry=()))
+        # V(s') is the next step's V(s), but for time-outs and the last step of the rollout.
+        last = last_steps(transitions.truncated, episode_length)
 
-        def evaluate(part: tuple[Transitions, Segment | tuple[()]]) -> tuple[jax.Array, jax.Array]:
+        def values(part: tuple[Transitions, Segment | tuple[()]]) -> jax.Array:
             steps, carry = part
-            value = apply(params, steps.obs, embedding[steps.row], carry, method="value")
-            next_task = embedding[steps.next_row]
-            return value, apply(params, steps.obs, steps.next_obs, next_task, carry, method="value_after")
+            return apply(params, steps.obs, embedding[steps.row], carry, method="value")
+
+        def values_after(part: tuple[Transitions, Segment | tuple[()]]) -> jax.Array:
+            steps, carry = part
+            return apply(params, steps.obs, steps.next_obs, embedding[steps.next_row], carry, method="value_after")
 
         if context is None:  # by time and environment, as the environments are spread over devices
-            value, next_value = evaluate((replace(transitions, carry=()), ()))
-        else:  # a token takes much more memory than a value, so no more samples at once than in the update
-            parts = jax.tree.map(
-                lambda x: x.reshape(config.num_minibatches, len(x) // config.num_minibatches, *x.shape[1:]),
-                (steps, carry),
-            )
-            values = jax.lax.map(lambda part: evaluate(over_envs(part)), parts)
-            value, next_value = (by_time(config, x) for x in values)
+            value = values((replace(transitions, carry=()), ()))
+            after = values_after((at_steps(replace(transitions, carry=()), last), ()))
+        else:
+            value = by_time(config, in_parts(config, values, (steps, carry)))
+            which, place = segment_and_place(config, last)
+            after = in_parts(config, values_after, jax.tree.map(lambda x: x[which], (steps, carry)))
+            after = after[jnp.arange(place.size), place.reshape(-1)].reshape(place.shape)
+        next_value = values_of_next(value, after, last)
         terminated, truncated = transitions.terminated, transitions.truncated
         if config.timeout_is_terminal:
             terminated, truncated = terminated | truncated, jnp.zeros_like(truncated)

@@ -11,6 +11,7 @@ from flax import struct
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.actor_critic import ActorCritic
 from t2tl_jax.networks.context import Segment
+from t2tl_jax.training.devices import over_envs
 from t2tl_jax.training.types import Params
 
 
@@ -80,6 +81,21 @@ def by_time(config: PPOConfig, x: jax.Array) -> jax.Array:
     """[T / S x N, S] or these in several parts -> [T, N]."""
     x = x.reshape(-1, config.num_envs, config.segment_length)
     return jnp.moveaxis(x, 2, 1).reshape(config.unroll_length, config.num_envs)
+
+
+def in_parts(config: PPOConfig, function: Callable[[Any], jax.Array], of: Any) -> jax.Array:
+    """A function of segments, no more of which are computed at once than an update has: a token takes much memory.
+
+    function: from trees with leading axes [k, S] to [k, S]; of: a tree with leading axes [B / S, S], or fewer segments.
+    """
+    count = len(jax.tree.leaves(of)[0])
+    at_once = min(count, config.batch_size // config.segment_length // config.num_minibatches)
+    parts = -(-count // at_once)
+    # The last part is filled up with segments that come again.
+    filled = jax.tree.map(lambda x: x[jnp.arange(parts * at_once) % count] if count % at_once else x, of)
+    filled = jax.tree.map(lambda x: x.reshape(parts, at_once, *x.shape[1:]), filled)
+    values = jax.lax.map(lambda part: function(over_envs(part)), filled)
+    return values.reshape(parts * at_once, *values.shape[2:])[:count]
 
 
 def misaligned(config: PPOConfig, carry: Segment | tuple[()]) -> Segment:

@@ -7,10 +7,10 @@ from typing import Any
 
 import jax
 import numpy as np
-from brax.envs.base import State
 from jax.typing import ArrayLike
 from PIL import Image, ImageDraw, ImageFont
 
+from t2tl_jax.env import State
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.types import Agent, Params, repeated
 from t2tl_jax.training.unroll import Step, begin, player_of, unroll

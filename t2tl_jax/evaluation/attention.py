@@ -13,11 +13,11 @@ from typing import Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from brax.envs.base import State
 from flax import linen as nn
 from flax import struct
 from scipy import stats
 
+from t2tl_jax.env import State
 from t2tl_jax.evaluation.episodes import CHUNK
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.ltl.tokens import token_names

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from math import inf
 from typing import Any
 
 import jax
@@ -65,20 +66,26 @@ class Report(Outcomes):
     """Share of seeds whose success rate exceeds 95 %; Wilson interval over seeds. A seed has *solved* its task when
     this was played by its final parameters."""
 
+    ranges: Mapping[str, tuple[float, float]]
+    """The smallest and the largest possible value of each mean that is no rate, by its name; not stored."""
+
     def as_json(self) -> dict[str, Any]:
-        """The same as nested dictionaries, lists, numbers and None."""
-        return asdict(self)
+        """The same as nested dictionaries, lists, numbers and None, without the ranges."""
+        return {name: value for name, value in asdict(self).items() if name != "ranges"}
 
 
-def summarise(episodes: Episodes, seeds: Sequence[int]) -> Report:
+def summarise(episodes: Episodes, seeds: Sequence[int], limit: float = inf, machines: bool = True) -> Report:
     """Estimates from the outcomes of every seed.
 
     Args:
         episodes: on the host, ``[seeds, episodes]``.
         seeds: their numbers.
+        limit: most steps of an episode, where that is known.
+        machines: whether the tasks may be reward machines, which can pay anything, and not formulas.
     """
+    ranges = _ranges(episodes, limit, machines)
     reports = tuple(
-        _seed_report(seed, jax.tree.map(lambda part, index=index: np.asarray(part)[index], episodes))
+        _seed_report(seed, jax.tree.map(lambda part, index=index: np.asarray(part)[index], episodes), ranges)
         for index, seed in enumerate(seeds)
     )
 
@@ -93,11 +100,18 @@ def summarise(episodes: Episodes, seeds: Sequence[int]) -> Report:
         violation_rate=mean_rate(known("violation_rate")),
         timeout_rate=mean_rate(known("timeout_rate")),
         env_termination_rate=mean_rate(known("env_termination_rate")),
-        success_length=mean(known("success_length"), lowest=0.0),
-        discounted_return=mean(known("discounted_return")),
-        paper_return=mean(known("paper_return")),
+        **{name: mean(known(name), *ends) for name, ends in ranges.items()},
         solved=rate(solving, len(reports)),
+        ranges=ranges,
     )
+
+
+def _ranges(episodes: Episodes, limit: float, machines: bool) -> dict[str, tuple[float, float]]:
+    """What the means can be that are no rates. Returns are bounded where nothing but verdicts was ever paid."""
+    verdicts = np.asarray(episodes.success, np.float64) - np.asarray(episodes.violation)
+    bounded = not machines and bool((np.asarray(episodes.total_reward) == verdicts).all())
+    returns = (-1.0, 1.0) if bounded else (-inf, inf)
+    return {"success_length": (1.0, limit), "discounted_return": returns, "paper_return": returns}
 
 
 def table(reports: Mapping[str, Report]) -> str:
@@ -125,13 +139,20 @@ def table(reports: Mapping[str, Report]) -> str:
 def _above(report: Report, final: bool) -> str:
     """How many seeds are above the threshold; that the task is solved only of final parameters."""
     count, above = report.solved.count, round((report.solved.value or 0.0) * report.solved.count)
+    if not final and count == 1:
+        return f"success {'' if above else 'not '}above {SOLVED:.0%}"
     if not final:
         return f"success above {SOLVED:.0%} in {above} of {count} seeds"
     solved = f"{above} of {count} seeds solve the task" if count > 1 else f"the task is {'' if above else 'not '}solved"
     return f"{solved} (success above {SOLVED:.0%}, final parameters)"
 
 
-def _seed_report(seed: int, episodes: Episodes) -> SeedReport:
+def _seed_report(seed: int, episodes: Episodes, ranges: Mapping[str, tuple[float, float]]) -> SeedReport:
+    means = {
+        "success_length": episodes.length[episodes.success],
+        "discounted_return": episodes.discounted_return,
+        "paper_return": episodes.paper_return,
+    }
     decided = episodes.success | episodes.violation | episodes.env_termination
     count = len(decided)
     return SeedReport(
@@ -140,9 +161,7 @@ def _seed_report(seed: int, episodes: Episodes) -> SeedReport:
         violation_rate=rate(int(episodes.violation.sum()), count),
         timeout_rate=rate(int((~decided).sum()), count),
         env_termination_rate=rate(int(episodes.env_termination.sum()), count),
-        success_length=mean(np.asarray(episodes.length[episodes.success]), lowest=1.0),
-        discounted_return=mean(np.asarray(episodes.discounted_return)),
-        paper_return=mean(np.asarray(episodes.paper_return)),
+        **{name: mean(np.asarray(values), *ranges[name]) for name, values in means.items()},
     )
 
 

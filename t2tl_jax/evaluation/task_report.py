@@ -9,10 +9,6 @@ from t2tl_jax.evaluation.report import COLUMNS, Outcomes, Report, aligned, cells
 from t2tl_jax.evaluation.statistics import Estimate, two_way_mean
 from t2tl_jax.ltl import Share, together
 
-RANGES = {"success_length": (0.0, float("inf")), "discounted_return": (float("-inf"), float("inf"))}
-"""The range of every quantity that is no rate."""
-
-
 NOT_COUNTED = ("-", "-")
 """The cells of a task of which it is not known what training met."""
 
@@ -52,7 +48,8 @@ def over_tasks(reports: Sequence[Report]) -> Outcomes:
 
     def estimate(name: str) -> Estimate:
         values = [[getattr(seed, name).value for report in reports if (seed := report.seeds[k])] for k in seeds]
-        return two_way_mean(np.array(values, np.float64), *RANGES.get(name, (0.0, 1.0)))  # None becomes NaN
+        lows, highs = zip(*(report.ranges.get(name, (0.0, 1.0)) for report in reports), strict=True)
+        return two_way_mean(np.array(values, np.float64), min(lows), max(highs))  # None becomes NaN
 
     seeds = range(len(reports[0].seeds))
     return Outcomes(**{name: estimate(name) for name in COLUMNS.values()})

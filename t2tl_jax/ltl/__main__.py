@@ -17,6 +17,7 @@ from t2tl_jax.ltl.compiler.parts import check_entries, check_tokens, fitting_cut
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.describe import describe, describe_word, to_dot
 from t2tl_jax.ltl.errors import LTLError
+from t2tl_jax.ltl.families import reads_as_family
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.reward_machine import RewardMachine
 from t2tl_jax.ltl.tasks import WATER_PROPOSITIONS, ZONE_PROPOSITIONS, resolve
@@ -70,7 +71,7 @@ def main(argv: list[str] | None = None) -> int:
         print(run(arguments), flush=True)
     except BrokenPipeError:  # the reader (`| head`) has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except (LTLError, UserError) as error:
+    except UserError as error:
         print(f"error: {way_out_alone(str(error))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:  # a large task takes its time
@@ -85,6 +86,12 @@ def run(arguments: Arguments) -> str:
         raise LTLError("give at least one formula, for example 'F(a & F b)'")
     if arguments.show_rows is not None and arguments.show_rows < 0:
         raise LTLError(f"--show-rows takes a whole number from 0 on, got {arguments.show_rows}")
+    families = [text for text in arguments.formulas if reads_as_family(text)]
+    if families:
+        raise LTLError(
+            f"{families[0]} reads as a family of random tasks, which has no table of its own; train on it with "
+            f"experiments.run --task {families[0]}, or draw from it with t2tl_jax.sample"
+        )
     begin = time.monotonic()
     resolved = [resolve(text) for text in arguments.formulas]
     formulas = [task for task in resolved if isinstance(task, Formula)]

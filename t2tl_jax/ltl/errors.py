@@ -3,9 +3,11 @@
 from collections.abc import Iterable, Sequence
 
 from t2tl_jax import names
+from t2tl_jax.errors import UserError
+from t2tl_jax.names import ALIKE
 
 
-class LTLError(ValueError):
+class LTLError(UserError):
     """Base class of every error that a formula, a task name or a table can cause."""
 
 
@@ -63,7 +65,7 @@ def unknown_proposition(name: str, known: Sequence[str], *others: str) -> Unknow
     if not others:
         return UnknownPropositionError(f'unknown proposition "{name}"; known: {listed}{nearest(name, known)}')
     unknown = (name, *others)
-    close = [f'"{near}" for "{one}"' for one in unknown if (near := names.meant(one, known))]
+    close = [f'"{near}" for "{one}"' for one in unknown if (near := names.nearest(one, known, cutoff=ALIKE))]
     meant = f"; did you mean {', '.join(close)}?" if close else ""
     quoted = ", ".join(f'"{one}"' for one in unknown)
     return UnknownPropositionError(f"unknown propositions {quoted}; known: {listed}{meant}")
@@ -84,5 +86,5 @@ def caret(text: str, position: int, width: int = 100) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return `; did you mean "..."?` for the closest of `known`, or nothing when none is close."""
-    close = names.meant(name, known)
+    close = names.nearest(name, known, cutoff=ALIKE)
     return f'; did you mean "{close}"?' if close else ""

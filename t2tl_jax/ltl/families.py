@@ -173,6 +173,12 @@ def is_family(text: str | TaskFamily, propositions: Sequence[str] = ()) -> bool:
     return word.split("_")[0] in _FAMILIES or re.fullmatch(r"[A-Za-z]+(_\d+)+", word) is not None
 
 
+def reads_as_family(text: str) -> bool:
+    """Whether a text is one word that begins as families with numbers do, such as `Until_1_2`, right or wrong."""
+    first, _, rest = text.strip().partition("_")
+    return first in _FAMILIES and rest.replace("_", "").isdecimal()
+
+
 def make_sampler(name: str | TaskFamily, propositions: Sequence[str]) -> Sampler:
     """Return the sampler of a family.
 

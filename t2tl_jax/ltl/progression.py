@@ -30,8 +30,12 @@ def progress(formula: Formula, label: Collection[str], progression: str = EXACT)
             proposition and with it the first sentence above; see `compile_tasks`.
 
     Raises:
-        LTLError: for an unknown progression, or a formula that is not co-safe.
+        LTLError: for an unknown progression, a formula that is not co-safe, or what is no formula or no label.
     """
+    if not isinstance(formula, Formula):
+        raise LTLError(f"progress takes a formula, such as parse('F a'), got {formula!r}")
+    if isinstance(label, str):  # a collection of letters
+        raise LTLError(f"a label is a set of propositions, such as {{{label!r}}}, got the text {label!r}")
     if progression not in PROGRESSIONS:
         raise LTLError(
             f"unknown progression {progression!r}; known: {', '.join(PROGRESSIONS)}"

@@ -62,7 +62,7 @@ def check_context(context: ContextConfig | None, state: StateEncoderConfig, by_t
     """
     if context is None or (not state.reads_task and (state.in_windows or context.carried)):
         return
-    got = f"needs network.state=flat, got {type(state).__name__}"
+    got = f"needs network.state=flat, got {STATE_ENCODERS.name_of(state)}"
     if not by_task:
         raise ValueError(
             f"the values of all tasks share one window, so DQN with context {got}; use flat, or "

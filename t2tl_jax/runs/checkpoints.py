@@ -242,7 +242,8 @@ class Checkpoints:
         if not iterations:
             raise CheckpointError(
                 f"{self.folder} holds no complete checkpoint: the run was stopped before its first one, or kept for "
-                "its figures alone, as those in results/ of this project are"
+                "its figures alone, as most in results/ of this project are; those with a file params.npz, such as "
+                "results/paper/zone-t2tl, can be played"
             )
         return iterations
 

@@ -220,6 +220,7 @@ class Config:
     def __post_init__(self) -> None:
         if isinstance(self.task, str) and self.task.strip() in named_families():
             object.__setattr__(self, "task", named_families()[self.task.strip()])
+        checks.kinds(self)
         checks.whole(self, "frames")
         if self.frames < 1:
             raise ValueError(f"frames must be at least 1, got {self.frames}")

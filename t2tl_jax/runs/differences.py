@@ -7,8 +7,9 @@ from typing import Any
 
 from t2tl_jax.env import EnvConfig
 from t2tl_jax.errors import UserError
-from t2tl_jax.ltl import TaskFamily
-from t2tl_jax.registry import make_env
+from t2tl_jax.ltl import Mixture, TaskFamily, named_families
+from t2tl_jax.registry import TASK_FAMILIES, make_env
+from t2tl_jax.runs.config_files import REGISTRIES
 from t2tl_jax.runs.machine_files import same_task
 
 
@@ -24,11 +25,11 @@ def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
         a, b, name = getattr(base, field.name), getattr(other, field.name), prefix + field.name
         if a == b:
             continue
-        if isinstance(b, TaskFamily):
-            yield f"{name}={b}"
+        if isinstance(b, TaskFamily) and (type(a) is not type(b) or isinstance(b, Mixture)):
+            yield f"{name}={in_short(b)}"
         elif dataclasses.is_dataclass(b) and not isinstance(b, type):
             if type(a) is not type(b):
-                yield f"{name}={type(b).__name__}"
+                yield f"{name}={_kind(b)}"
                 a = type(b)()
             yield from differences(a, b, name + ".")
         elif name == "map_period":
@@ -36,6 +37,22 @@ def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
                 yield f"{name}={b}"
         elif not (name == "task" and same_task(a, b)):
             yield f"{name}={b}"
+
+
+def in_short(task: str | TaskFamily) -> str:
+    """A task in a few words, where its settings would fill lines."""
+    if not isinstance(task, TaskFamily) or str(task) in named_families():
+        return str(task)
+    if isinstance(task, Mixture):
+        return f"a mixture of {len(task.parts)} families"
+    return f"a family of the kind {TASK_FAMILIES.name_of(task)}"
+
+
+def _kind(part: Any) -> str:
+    """What the command line calls a kind of part."""
+    registered = (registry for registry in REGISTRIES.values() if type(part) in registry.classes())
+    registry = next(registered, None)
+    return type(part).__name__ if registry is None else registry.name_of(part)
 
 
 def changed_fields(base: Any, other: Any, prefix: str = "") -> Iterator[str]:

@@ -20,6 +20,7 @@ from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.policy import seed_slice
+from t2tl_jax.task_env import TaskParams
 from t2tl_jax.training.seeds import ANIMATION, EVALUATION, stream_keys
 from t2tl_jax.training.types import Params
 
@@ -104,14 +105,15 @@ def evaluate_tables(
     def one(deterministic: bool) -> dict[Which, list[Report]]:
         count = distinct(experiment.task_env, episodes, deterministic)
         play = player_of_seeds(experiment.task_env, experiment.player, count, episode_length, discount, deterministic)
+
+        def report(own: Params, tasks: TaskParams) -> Report:
+            machines = tasks.table.pays is not None
+            return summarise(jax.device_get(play(own, tasks, keys)), seeds, episode_length, machines)
+
         reports: dict[Which, list[Report]] = {}
         for name, own in params.items():
             same = [other for other in reports if _equal(own, params[other])]
-            reports[name] = (
-                reports[same[0]]
-                if same
-                else [summarise(jax.device_get(play(own, tasks, keys)), seeds) for tasks in given]
-            )
+            reports[name] = reports[same[0]] if same else [report(own, tasks) for tasks in given]
         return reports
 
     with ThreadPoolExecutor(max_workers=len(POLICIES)) as threads:

@@ -28,6 +28,8 @@ class Policy:
     """The tasks, by row; `TaskTable.step` says how a row goes on."""
     agent: Agent = struct.field(pytree_node=False)
     """The learner's functions."""
+    observation_size: int = struct.field(pytree_node=False)
+    """Numbers of an observation."""
 
     def begin(self) -> AgentCarry:
         """What the policy remembers of one environment's episode at its start; () for a policy without memory."""
@@ -76,9 +78,16 @@ class Policy:
             key: a random key, for a sampled action.
 
         Raises:
-            UserError: if a policy with memory gets no carry, or for an unknown task.
+            UserError: if a policy with memory gets no carry, for an unknown task, or for observations of another size.
         """
+        if jnp.shape(obs)[-1:] != (self.observation_size,):
+            raise UserError(
+                f"an observation has {self.observation_size} numbers along its last axis, got one of the shape "
+                f"{jnp.shape(obs)}"
+            )
         row = self.row(task) if isinstance(task, str) else task
+        if not jnp.issubdtype(jnp.result_type(row), jnp.integer):
+            raise UserError(f"a task is a row of the table, by its number, or a formula in words, got {task!r}")
         row = jnp.broadcast_to(jnp.asarray(row, jnp.int32), jnp.shape(obs)[:-1])
         if carry is None:
             if jax.tree.leaves(self.begin()):

@@ -103,7 +103,8 @@ class Result:
         experiment = self._on(task)
         params = seed_slice(self.params_of(which), self.index(seed))
         embedding = jax.jit(experiment.player.embed)(params, experiment.table)
-        return Policy(params, embedding, experiment.table, experiment.player)
+        size = experiment.task_env.observation_size
+        return Policy(params, embedding, experiment.table, experiment.player, size)
 
     @overload
     def evaluate(
@@ -154,6 +155,8 @@ class Result:
         Raises:
             UserError: for a task or an environment that does not fit.
         """
+        if isinstance(episodes, bool) or not isinstance(episodes, int) or episodes < 1:
+            raise UserError(f"episodes is a whole number of at least 1, got {episodes!r}")
         params = {which: self.params_of(which)}
         if task is not None and tasks is not None:
             raise UserError("evaluate takes one task or a list of tasks, got both")

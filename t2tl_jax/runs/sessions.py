@@ -32,6 +32,11 @@ class Session:
     stop: Stoppable
     command: Sequence[str] | None
 
+    def __post_init__(self) -> None:
+        for one in (*self.callbacks, *self.pretraining_callbacks):
+            if not isinstance(one, Callback):
+                raise UserError(f"a callback is an object of a class that derives from t2tl_jax.Callback, got {one!r}")
+
     @property
     def versions(self) -> dict[str, Any]:
         """For the record of the run."""

@@ -1,17 +1,16 @@
 """Train, resume and load: the runs of this library from Python. Nothing here prints; callbacks see what happens."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any, overload
 
 from t2tl_jax.env import EnvConfig, LabelledEnv
-from t2tl_jax.errors import Note, UserError, explained
+from t2tl_jax.errors import Note, UserError, did_you_mean, explained
 from t2tl_jax.evaluation.report import Report
 from t2tl_jax.ltl import TaskFamily
-from t2tl_jax.names import meant
-from t2tl_jax.old_names import FIELDS
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import config_files, params_file, pretraining, sessions
 from t2tl_jax.runs import folder as run_folder
@@ -74,10 +73,10 @@ def train(
         chosen, env = _configuration(config, task, learner, seeds, changes)
         chosen = pretraining.located(chosen)
         if folder is not None and hosts.is_first():
-            run_folder.check_new(Path(folder))
+            run_folder.check_new(_path(folder))
         session = sessions.Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
         experiment, before = session.stop.call(lambda: sessions.checked(build(chosen, env), first), "while preparing")
-        return sessions.started(experiment, None if folder is None else Path(folder), session, first or before)
+        return sessions.started(experiment, None if folder is None else _path(folder), session, first or before)
 
 
 def resume(
@@ -106,7 +105,7 @@ def resume(
     """
     session = sessions.Session(callbacks, pretraining_callbacks, stop or NeverStop(), command)
     with explained():
-        run, stored = run_folder.open_existing(Path(folder))
+        run, stored = run_folder.open_existing(_path(folder))
         if config_files.stored_version(run.config) != VERSION:
             raise UserError(
                 f"{run.path} was trained by an earlier version, whose training state this one does not know: it can be "
@@ -124,7 +123,11 @@ def resume(
         with Checkpoints(run.checkpoints) as checkpoints:
             done = checkpoints.latest_iteration()
         begun = done is not None
-        _refuse_fewer_frames(stored, config, done or 0)
+        if done is not None and config.iterations < done and config.frames != stored.frames:
+            raise UserError(
+                f"frames={config.frames:,} is less than the {done * config.learner.frames_per_iteration:,} that every "
+                f"seed of {run.path} has been trained for; give more, or leave it out"
+            )
         if not begun and (elsewhere := pretraining.elsewhere(config)):
             warnings.warn(
                 f"{run.path} has no checkpoint yet, so it begins anew, and is pre-trained by what its "
@@ -157,11 +160,17 @@ def load(
         UserError: if it is no run, holds no checkpoint, or does not fit this version or the changes.
     """
     with explained():
-        run, stored = run_folder.open_existing(Path(folder))
+        run, stored = run_folder.open_existing(_path(folder))
         if params_file.stands_in(run):
             stored = replace(stored, seeds=_in_words(_seeds_kept(run, stored)))
         experiment = build(_changed(stored, changes), env)
         return sessions.loaded(experiment, run)
+
+
+def _path(folder: str | Path) -> Path:
+    if not isinstance(folder, str | PathLike):
+        raise UserError(f"a folder is a path, such as 'runs/mine', got {folder!r}")
+    return Path(folder)
 
 
 def _configuration(
@@ -177,7 +186,7 @@ def _configuration(
     if learner is not None:
         changes["learner"] = learner
     if seeds is not None:
-        changes["seeds"] = str(seeds) if isinstance(seeds, int) else _in_words(seeds)
+        changes["seeds"] = str(seeds) if isinstance(seeds, int) else _listed(seeds)
     if isinstance(config, str):
         return _changed(named_config(config), changes), None
     if isinstance(config, Config):
@@ -195,6 +204,15 @@ def _configuration(
     return Config(env=own, **changes), config
 
 
+def _listed(seeds: Any) -> str:
+    """The text that means these seeds; UserError if they are no list of whole numbers."""
+    if isinstance(seeds, str):
+        return seeds
+    if not isinstance(seeds, Iterable):
+        raise UserError(f"seeds are a count such as 4 or a list such as [0, 3, 7], got {seeds!r}")
+    return _in_words(list(seeds))
+
+
 def _changed(config: Config, changes: dict[str, Any]) -> Config:
     """The configuration with other fields; UserError for a field that it does not have."""
     _check_fields(changes)
@@ -203,20 +221,15 @@ def _changed(config: Config, changes: dict[str, Any]) -> Config:
 
 def _check_fields(changes: dict[str, Any]) -> None:
     known = [field.name for field in fields(Config)]
-    wrong = [_about_field(name, known) for name in changes if name not in known]
+    wrong = [f"{name!r}{did_you_mean(name, known)}" for name in changes if name not in known]
     if wrong:
         raise UserError(f"a configuration has no field {', '.join(wrong)}")
+    task = changes.get("task", "")
+    if not isinstance(task, str | TaskFamily):
+        raise UserError(f"task is a formula, the name of a task, or a family of tasks, got {task!r}")
     learner = changes.get("learner")
     if learner is not None and not isinstance(learner, LearnerConfig):
         raise UserError(f"learner is the configuration of one, such as PPOConfig(...), got {learner!r}")
-
-
-def _about_field(name: str, known: Sequence[str]) -> str:
-    """A field that does not exist, with its name of today, or one that may be meant."""
-    if name in FIELDS:
-        return f"{name!r}, which is now {FIELDS[name]!r}"
-    near = meant(name, known)
-    return f"{name!r}; did you mean {near!r}?" if near else f"{name!r}; help(t2tl_jax.Config) lists them"
 
 
 def refuse_other_changes(stored: Config, config: Config, as_flags: bool = False) -> None:
@@ -239,16 +252,6 @@ def refuse_other_changes(stored: Config, config: Config, as_flags: bool = False)
         raise UserError(
             f"a resumed run keeps its configuration; only its fields {', '.join(CHANGEABLE)} may change, "
             f"not {', '.join(changed)}"
-        )
-
-
-def _refuse_fewer_frames(stored: Config, config: Config, done: int) -> None:
-    """Refuse to shorten a run to less than the iterations that it has done."""
-    frames = done * config.learner.frames_per_iteration
-    if config.frames != stored.frames and config.frames < frames:
-        raise UserError(
-            f"frames={config.frames:,} is less than the {frames:,} that each seed has already trained; give more, or "
-            "leave it out"
         )
 
 

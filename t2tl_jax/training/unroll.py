@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from brax.envs.base import State
 from flax import struct
 
+from t2tl_jax.env import State
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 from t2tl_jax.training.types import Agent, AgentCarry, EpisodeTotals, Params, TaskTotals, repeated

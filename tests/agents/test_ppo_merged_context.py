@@ -164,15 +164,15 @@ def test_ppo_learns_from_the_windows_that_acted():
     [
         (
             lambda: dataclasses.replace(NETWORK, state=ObjectsConfig()),
-            "got ObjectsConfig; use flat, or network.state=m",
+            "got objects; use flat, or network.state=m",
         ),
         (
             lambda: dataclasses.replace(NETWORK, context=dataclasses.replace(CONTEXT, recompute=False)),
-            "recompute=False needs network.state=flat, got MergedConfig; use recompute=True, or flat",
+            "recompute=False needs network.state=flat, got merged; use recompute=True, or flat",
         ),
         (
             lambda: QNetworkConfig(state=MergedConfig(), context=ContextConfig()),
-            "DQN with context needs network.state=flat, got MergedConfig; use flat, or network.context=None; PPO's",
+            "DQN with context needs network.state=flat, got merged; use flat, or network.context=None; PPO's",
         ),
     ],
 )

@@ -159,6 +159,38 @@ def test_a_report_by_hand():
     assert "solve" not in table({"sampled": report})  # nothing is said of other parameters than the final ones
 
 
+FEW = Episodes(
+    success=np.array([[True, True], [True, False]]),
+    violation=np.array([[False, False], [False, True]]),
+    env_termination=np.zeros((2, 2), bool),
+    total_reward=np.array([[1.0, 1.0], [1.0, -1.0]], np.float32),
+    discounted_return=np.array([[0.9, 0.2], [0.5, -0.5]], np.float32),
+    paper_return=np.array([[0.9, 0.2], [0.5, -0.5]], np.float32),
+    length=np.array([[10, 990], [500, 500]], np.int32),
+)
+"""Two episodes of each of two seeds, whose intervals are wide."""
+
+
+def test_intervals_stay_within_what_is_possible():
+    report = summarise(FEW, (0, 1), limit=1000, machines=False)
+    first = report.seeds[0]
+    assert (first.success_length.low, first.success_length.high) == (1.0, 1000.0)
+    for estimate in (first.discounted_return, first.paper_return, report.discounted_return):
+        assert (estimate.low, estimate.high) == (-1.0, 1.0)
+    assert "ranges" not in report.as_json()
+
+
+def test_returns_have_no_bounds_where_more_than_verdicts_is_paid():
+    extra = dataclasses.replace(FEW, total_reward=FEW.total_reward + np.array([[0.0, 0.0], [0.0, 0.25]], np.float32))
+    for report in (summarise(FEW, (0, 1), 1000, machines=True), summarise(extra, (0, 1), 1000, machines=False)):
+        assert report.seeds[0].discounted_return.high > 1.0 and report.discounted_return.low < -1.0
+
+
+def test_a_single_seed_is_not_counted():
+    report = summarise(jax.tree.map(lambda part: part[:1], FEW), (0,))
+    assert "best sampled: success above 95%, mean" in table({"best sampled": report})
+
+
 def test_seeds_that_all_succeed_leave_an_interval(played):
     """Of two seeds without a failure it is not known how often a third one fails."""
     perfect = dataclasses.replace(

@@ -31,6 +31,17 @@ def test_means_are_over_seeds_and_tasks():
     assert found.timeout_rate.value == pytest.approx(0.1) and found.env_termination_rate.value == 0.0
 
 
+def test_the_means_of_all_tasks_stay_within_what_is_possible():
+    success = np.array([[True, True], [True, False]])
+    none, lengths = np.zeros_like(success), np.array([[10, 900], [990, 10]])
+    total = success * 1.0
+    episodes = Episodes(success, none, none, total, total, total, lengths)
+    reports = [summarise(episodes, (0, 1), 1000, machines=False) for _ in range(2)]
+    found = over_tasks(reports)
+    assert (found.success_length.low, found.success_length.high) == (1.0, 1000.0)
+    assert found.discounted_return.high == 1.0
+
+
 def columns(table: str) -> list[list[str]]:
     """Task, both counts and success of the lines of two tasks and of all."""
     return [re.split(r"\s{2,}", line)[1:5] for line in table.splitlines()[2:5]]

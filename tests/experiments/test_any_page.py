@@ -77,7 +77,7 @@ def test_bars_are_reached_or_not():
         return cells(anytask.verdicts(of, [Bar("x", ("a", "b"), **bar)]))["x"][-2:]
 
     assert said(least=0.96)[1] == "reached" and said(least=0.97)[1] == "**not reached**"
-    assert said(least=0.95, over="task") == ["0.950 (a)", "reached"]
+    assert said(least=0.95, over="task") == ["0.950 (a); worst seed and formula 0.900", "reached"]
     assert said(least=0.95, over="worst") == ["0.900 (a)", "**not reached**"]
     assert said(most=150, figure="success_length")[1] == "reached"
     assert anytask.verdicts(of, [Bar("x", ("a", "c"), least=0.1)]) == ""

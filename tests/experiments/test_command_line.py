@@ -9,6 +9,7 @@ from envs.waterworld import WaterWorldConfig
 from experiments import compare, evaluate, run
 from experiments.benchmarks import env
 from experiments.cli import request as command_line
+from experiments.cli import words
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import Chains, Mixture, Named
@@ -155,9 +156,12 @@ def test_a_part_can_be_of_another_kind():
         (["--config"], "expected one argument"),
         ([], "choose a configuration with --config NAME"),
         ([], "or --config FILE.json, or a run with --resume RUN"),
+        (["zone_ppo"], "every option begins with --, got 'zone_ppo'; did you mean --config zone_ppo?"),
+        (["zone_pp", "--seeds", "2"], "did you mean --config zone_ppo?"),
+        (["my.json"], "did you mean --config my.json?"),
         (["--config", "zone_pp"], "did you mean 'zone_ppo'?"),
         (["--config", "zone_pp"], "--config takes one of these names, or a path to a file"),
-        (["--config", "no/such.json"], "cannot read no/such.json"),
+        (["--config", "no/such.json"], "error: cannot read no/such.json: there is no such file; --config takes a path"),
         (["--config", "zone_ppo", "--resume", "x"], "leave --config and --method out"),
         (["--resume", "no/such/run"], "there is no folder"),
         (["--config", "zone_ppo", "--import", "no.such.module"], "--import no.such.module: No module named"),
@@ -200,6 +204,11 @@ def test_a_configuration_in_a_file_is_as_good_as_a_name(tmp_path):
             "unknown option '--learner.learnin_rate'; did you mean '--learner.learning-rate'?",
         ),
         (["--metod", "t1tl"], "unknown option '--metod'; did you mean '--method'?"),
+        # Nothing is like it: a guess would mislead.
+        (["--quarter", "1"], "unknown option '--quarter'"),
+        (["--ppo.clip", "1"], "unknown option '--ppo.clip'; since version 0.2 it is --learner.clip-eps"),
+        (["--ppo.epochs", "1"], "unknown option '--ppo.epochs'; since version 0.2 it is --learner.epochs"),
+        (["--simultaneous", "1"], "unknown option '--simultaneous'; since version 0.2 it is --random-starts"),
         # Both at once: that values do not fit together may come of the misspelt option.
         (
             ["--learner.clp-eps", "3", "--learner.minibatch-size", "7"],
@@ -219,28 +228,6 @@ def test_misspelt_options_and_choices_are_answered_in_the_first_of_two_lines(fla
     assert second.startswith(("All options: python -m experiments.run", "Known: "))
 
 
-@pytest.mark.parametrize(
-    ("config", "flag", "said"),
-    [
-        ("zone_ppo", "--ppo.clip", "--ppo.clip is now --learner.clip-eps"),
-        ("zone_ppo", "--ppo.rollout_steps", "--ppo.rollout_steps is now --learner.unroll-length"),
-        ("zone_ppo", "--simultaneous", "--simultaneous is now --random-starts"),
-        ("zone_ppo", "--network.transformer.heads", "is now --learner.network.task-encoder.heads"),
-        ("zone_ppo", "--network.context.transformer.width", "is now --learner.network.context.reader.width"),
-        ("zone_ppo", "--network.context.lenght", "did you mean '--learner.network.context.length'?"),
-        ("zone_ppo", "--dqn.simultaneous", "is now --learner.counterfactual, which this configuration does not have"),
-        ("waterworld_dqn", "--dqn.simultaneous", "--dqn.simultaneous is now --learner.counterfactual"),
-        ("zone_ppo", "--learner.zzz", "error: unknown option '--learner.zzz'"),
-        ("zone_ppo", "--selection.zzz", "option '--selection.zzz'; known: --selection.points, --selection.episodes"),
-        ("zone_ppo", "--lerner.gae-lambda", "did you mean '--learner.gae-lambda'?"),
-    ],
-)
-def test_options_of_then_and_far_away_ones(config, flag, said, capsys):
-    assert run.main(["--config", config, flag, "1", "--run.compilation-cache", ""]) == 2
-    first, second = capsys.readouterr().err.splitlines()
-    assert first.endswith(said) and second.startswith("All options: ")
-
-
 def test_every_misspelt_option_is_answered(capsys):
     assert run.main(["--config", "zone_ppo", "--learner.clp-eps", "3", "--frame", "3", "--seeds", "1"]) == 2
     assert [line.split("'")[1::2] for line in capsys.readouterr().err.splitlines()[:2]] == [
@@ -257,6 +244,8 @@ def test_every_misspelt_option_is_answered(capsys):
         (evaluate, ["here", "--gif", "True", "there"], "takes one run, got here there; see"),
         (evaluate, ["--run", "here"], "--run is no option: give it by itself; see"),
         (evaluate, ["here", "-q"], "every option begins with --, got '-q'; see python -m experiments.evaluate --help"),
+        (evaluate, ["here", "--seed", "3"], "--seed belongs to --certify, and without it every seed"),
+        (evaluate, ["here", "--policy", "deterministic"], "--policy belongs to --certify, and without it every seed"),
         (evaluate, ["here", "--episodes", "few"], "--episodes takes a whole number, got 'few'"),
         (evaluate, ["here", "--plan"], "--plan takes none or critic, got nothing"),
         (compare, [], "name one run or more"),
@@ -308,6 +297,18 @@ def test_help_documents_every_field(name, absent, capsys):
 
     check(chosen)
     assert absent not in text.partition("The defaults shown")[2]
+
+
+def test_help_without_a_configuration_says_whose_defaults_it_shows(capsys):
+    with pytest.raises(SystemExit):
+        run.main(["--help"])
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert f"The defaults shown are those of {next(iter(CONFIGS))}, since no configuration is chosen." in text
+    assert "(default: 'a family of the kind chains')" in text and "Chains(" not in text
+
+
+def test_one_thing_is_no_plural():
+    assert [words.counted(count, "iteration") for count in (1, 2000)] == ["1 iteration", "2,000 iterations"]
 
 
 def test_list_names_every_config(capsys):

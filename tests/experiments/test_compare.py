@@ -78,7 +78,7 @@ def test_a_run_given_twice_counts_once(capsys):
     shown = capsys.readouterr().out
     assert "t2_base/../t2_base is given more than once" in shown and shown.count("p=") == 1
     assert main([run, run, "--pairs", "True"]) == 2
-    assert "--pairs tests two runs or more" in capsys.readouterr().err
+    assert "--pairs tests two or more runs" in capsys.readouterr().err
 
 
 def test_wrong_folder_is_a_clean_error(tmp_path, capsys):
@@ -141,6 +141,12 @@ def test_tuning_seeds_are_not_tested_against_reported_ones(capsys):
     assert "on some of these seeds and not on others" in shown
     assert main([tuned, fresh, "--pairs", "True"]) == 2
     assert "no test: settings were chosen on some" in capsys.readouterr().err
+
+
+def test_of_runs_that_differ_in_much_a_few_fields_are_named(capsys):
+    assert main([str(RESULTS / "paper" / name) for name in ("zone-t2tl", "water-rm")]) == 0
+    line = capsys.readouterr().out.splitlines()[2]
+    assert " env=waterworld " in line and re.search(r" and \d+ more$", line) and "Config" not in line
 
 
 def test_what_else_differs(capsys):

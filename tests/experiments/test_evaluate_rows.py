@@ -85,7 +85,7 @@ def test_other_tasks_are_counted_in_some_pools_which_is_said_first(monkeypatch, 
 
     monkeypatch.setattr(of_pools, "met_in_training", counted)
     rows = evaluate_rows.rows_met(result, config, ["phi_water", "F(Pink & F Gray)"], 2)
-    assert before == ["counting the rows of 2 of the 12 pools that training drew (--pools)\n"]
+    assert before == ["counting the rows of 2 of the 12 pools drawn in training (--pools)\n"]
     assert rows.cells("phi_water") == ("1/5", "2/5") and rows.cells("F(Pink & F Gray)") == (">=0/2", ">=0/2")
     assert rows.cells_of_all(["phi_water", "F(Pink & F Gray)"]) == (">=1/7", ">=2/7")
     legend = " ".join(rows.legend())

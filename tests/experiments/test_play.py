@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments import evaluate_tasks, play
+from experiments import evaluate, evaluate_tasks, play
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.animation import Recording
 from t2tl_jax.ltl import compile_tasks
@@ -35,7 +35,7 @@ def test_every_line_is_played(finished_run, typed, capsys):
     lines = out.splitlines()
     assert lines[0].split(maxsplit=1) == ["0", "!Black U Red"] and lines[1].split()[1] in ("done", "violated", "out")
     assert [line.strip() for line in (lines[-2], lines[-3])] == ["3  out of time", "0  F(White & F Red)"]
-    assert lines[-1].strip().startswith("(table in ") and "compiled anew" not in out
+    assert lines[-1].strip().startswith("(table in ") and "programs compiled" not in out
     assert typed(finished_run, ["F Red &", "F Rde", "F Red"]) == 2
     out, err = capsys.readouterr()
     assert out.count("first action in") == 1 and err.count("error: ") == 2 and 'did you mean "Red"' in err
@@ -60,6 +60,8 @@ def test_a_terminal_is_asked_until_its_end(monkeypatch, capsys):
     ("flags", "said"),
     [
         (["--gif", "a.gif"], "no view from above"),
+        (["--gif", "a.txt"], "--gif is written as GIF: give a name that ends in .gif, got a.txt"),
+        (["--gif", "no/such/a.gif"], "--gif no/such/a.gif: there is no folder no/such;"),
         (["--seed", "7"], "no seed 7"),
         (["--episode-length", "0"], "--episode-length must be at least 1"),
         (["--wich", "best"], "did you mean '--which'"),
@@ -138,3 +140,11 @@ def test_certificates_replace_equal_ones(finished, read_json):
 def test_lists_that_cannot_be_played(finished_run, evaluate_run, flags, said, capsys):
     assert evaluate_run(finished_run, *flags) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("kept", "said"),
+    [((24,), "only seed 24 of 24 to 35 is kept with parameters"), ((24, 25), "only seeds 24 to 25 of 24 to 35 are")],
+)
+def test_which_seeds_are_kept_is_said_in_words(kept, said):
+    assert f"not stored: {said}" in evaluate._not_stored(kept, range(24, 36))

@@ -107,7 +107,7 @@ def test_a_run_pretrains_for_itself_once_and_starts_with_that_encoder(command, m
     freeze = ("--learner.network.freeze-task-encoder", "True")
     folder = command(*flags, *freeze, "--pretrained", "auto:F(Red & F White)", "--seeds", "2")
     said = capsys.readouterr().out
-    assert "before pre-training of the task encoder, counted apart" in said
+    assert "before pre-training of the task encoder, which is counted separately" in said
     assert "task   F(Red & F White)\nplan   384 frames per seed" in said
     assert "pre-trained: 384 frames per seed on F(Red & F White)" in said
     inner = folder / "pretraining"

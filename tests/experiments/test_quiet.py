@@ -21,6 +21,13 @@ def test_only_the_known_lines_are_dropped(capsys):
     assert capsys.readouterr().out == "something else\nafterwards\n"
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("module", ["t2tl_jax.env", "t2tl_jax.training.unroll", "envs.zones"])
+def test_a_module_is_imported_in_silence(module):
+    done = subprocess.run([sys.executable, "-c", f"import {module}"], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 HELP = """
 import os, runpy, sys
 import cattrs, flax, jax, mujoco, numpy, optax, scipy.spatial, scipy.stats, trimesh, tyro  # silent

@@ -186,7 +186,9 @@ def test_the_claims_are_judged_again_with_each_method_at_its_best(tmp_path, foun
 
 def test_the_figures_say_what_was_searched_for(found):
     found({})
-    assert settings.searched("zone") == settings.searched("water") == settings.SEARCHED
+    said = " ".join(settings.searched("zone").split())
+    assert said == " ".join(settings.searched("water").split())
+    assert said.startswith(" ".join(settings.SEARCHED.split())) and "is not complete" in said
     found({"zone": {"gnn": "high", "dfa": "low"}})
     said = " ".join(settings.searched("zone").split())
     assert "another one than the shared is best for gnn (three times it), dfa (a third of it)" in said
@@ -195,7 +197,7 @@ def test_the_figures_say_what_was_searched_for(found):
         and "on seeds 100-103" in said
         and f"#{settings.SEARCH_ANCHOR}" in said
     )
-    assert settings.searched("water") == settings.SEARCHED
+    assert "is not complete" in settings.searched("water")
     found({"zone": {}, "water": {}})
     said = " ".join(settings.searched("water").split())
     assert "the shared one is best for every method. Other settings" in said and "judged again" not in said

@@ -237,7 +237,7 @@ def can_be_read(folder):
 def test_only_zones_have_a_choice_of_physics(tmp_path, capsys):
     folder = run_folder.create(tmp_path / "waterworld_dqn", named_config("waterworld_dqn"), {})
     assert evaluate.main([str(folder.path), "--physics", "mjx"]) == 2
-    assert "this run's environment has no such choice" in capsys.readouterr().err
+    assert "the environment of this run offers no choice" in capsys.readouterr().err
 
 
 def test_dqn_refuses_continuous_actions():

@@ -217,7 +217,7 @@ def test_a_search_leaves_ordinary_runs_and_says_how_to_report(tmp_path, capsys):
 
 def test_a_search_needs_its_own_options(tmp_path, capsys):
     for flags, said in (
-        (("--grid", "learner.rate=1,2"), "a grid has --grid alone, and a search both"),
+        (("--grid", "learner.rate=1,2"), "give --grid alone for a grid, or both --search TRIALS"),
         (("--seeds", "1,2"), "a search trains on seeds from 100 on"),
         (("--batch", "0"), "--batch takes a whole number from 1 on, got 0"),
     ):

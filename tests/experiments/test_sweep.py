@@ -141,10 +141,10 @@ def test_a_sweep_needs_a_configuration_and_a_grid(tmp_path, capsys):
     assert sweep.main(["--help"]) == 0 and "--grid FIELD=VALUE" in capsys.readouterr().out
     for flags, said in (
         ((), "a sweep takes --config NAME and at least one --grid"),
-        (("--grid", "learner.rate=1", "--list"), "a sweep lists nothing: python -m experiments.run --list shows"),
+        (("--grid", "learner.rate=1", "--list"), "a sweep has no --list: python -m experiments.run --list shows"),
     ):
         assert command(tmp_path, *flags) == 2
         assert said in capsys.readouterr().err
     assert sweep.main(["--resume", str(tmp_path), "--grid", "learner.rate=1"]) == 2
-    assert "a sweep has no --resume: the same command goes on" in capsys.readouterr().err
+    assert "a sweep has no --resume: give the same command again" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

@@ -152,7 +152,7 @@ def test_the_work_of_a_killed_job_is_done_by_the_next_command(tmp_path, monkeypa
     assert command(tmp_path / "two", *GRID, *slow, "--workers", "2") == 2
     killer.join()
     said = capsys.readouterr()
-    assert len(killed) == 1 and "1 of 2 jobs did not come to their end; the same command goes on" in said.err
+    assert len(killed) == 1 and "1 of 2 jobs did not finish; give the same command again to continue" in said.err
     assert "ended without its runs: see " in said.out
     (left,) = (tmp_path / "two").glob("group-*")
 

@@ -54,6 +54,7 @@ def test_errors_are_messages(argv, message, capsys):
     ("argv", "message"),
     [
         (["F a", "--wrd", "a"], "unknown option '--wrd'; did you mean '--word'?"),
+        (["Until_1_2"], "Until_1_2 reads as a family of random tasks"),
         (["F a", "--max-rows", "many"], "--max-rows takes a whole number, got 'many'"),
         (["F a", "--alphabet", "every"], "did you mean 'every_subset'?"),
         (["--dot=Tru", "F a"], "unknown --dot 'Tru'; did you mean 'True'?"),

@@ -166,7 +166,7 @@ def test_the_parameters_are_those_of_a_gru_over_windows():
         ),
         (
             lambda: dataclasses.replace(NETWORK, state=GatedConfig()),
-            "network.context.carried=True needs network.state=flat, got GatedConfig; use flat, or network.state=merged",
+            "network.context.carried=True needs network.state=flat, got gated; use flat, or network.state=merged",
         ),
         (lambda: QNetworkConfig(context=CONTEXT), "network.context.carried=True is PPO's; use carried=False"),
         (

@@ -203,7 +203,7 @@ def test_flat_is_the_default_and_adds_nothing(water):
         (lambda: ObjectsConfig(place_scale=0.0), "place_scale must be a finite number above 0"),
         (
             lambda: NetworkConfig(state=ObjectsConfig(), context=ContextConfig()),
-            "needs network.state=flat, got Objects",
+            "needs network.state=flat, got objects",
         ),
         (lambda: QNetworkConfig(state=ObjectsConfig(), context=ContextConfig()), "or network.context=None"),
         (lambda: QNetworkConfig(state=ObjectsConfig(), head="bilinear"), "use head=film, or network.state=flat"),

@@ -1,6 +1,8 @@
 """Every example runs, does what it says, and fits on a page."""
 
 import importlib
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -33,6 +35,15 @@ def test_ltl_alone_finds_its_way(capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_help_says_how_each_is_run(name):
+    command = [sys.executable, f"examples/{name}.py", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=120)
+    assert done.returncode == 0 and done.stdout.startswith(f"usage: {name}.py"), done.stdout + done.stderr
+    assert f"python examples/{name}.py" in done.stdout and done.stderr == ""
+
+
+@pytest.mark.slow
 def test_quickstart(capsys, tmp_path):
     run = example("quickstart").main(frames=4096, folder=str(tmp_path))
     assert run.iteration == 4 and (tmp_path / "run" / "metrics.csv").exists()
@@ -53,9 +64,10 @@ def test_own_encoder():
 
 
 @pytest.mark.slow
-def test_own_learner_learns():
-    rates = example("own_learner").main(iterations=20)
-    assert rates[0] < 0.9 < rates[-1]
+def test_own_learner_learns(capsys):
+    rates = example("own_learner").main(frames=20_480)
+    assert len(rates) == 20
+    assert rates[0] < 0.9 < rates[-1] and capsys.readouterr().out.count("\n") == 10
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ LTL_BASICS = {
     f"t2tl_jax.ltl.{name}" for name in ("errors", "formula", "co_safety", "parser", "reward_machine", "tokens")
 }
 # What every part may import: these know nothing of the others.
-FOR_EVERYONE = {f"t2tl_jax.{name}" for name in ("checks", "names", "old_names", "errors", "flags", "quiet", "registry")}
+FOR_EVERYONE = {f"t2tl_jax.{name}" for name in ("checks", "names", "errors", "flags", "quiet", "registry")}
 # What an environment needs of the library: its interface. It knows no temporal logic.
 INTERFACE = {"t2tl_jax.env", "t2tl_jax.objects", "t2tl_jax.view"}
 WORLD = {"t2tl_jax.ltl", "t2tl_jax.env", "t2tl_jax.objects", "t2tl_jax.task_env"}
@@ -104,6 +104,12 @@ def test_imports_go_one_way():
     trees = {module_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
     offences = {module: forbidden_imports(module, imported(tree)) for module, tree in trees.items()}
     assert len(offences) > 50 and not {module: names for module, names in offences.items() if names}
+
+
+@pytest.mark.slow
+def test_brax_is_loaded_in_one_place_which_silences_it():
+    loading = {path for path in FILES if any(within(name, "brax") for name in imported(ast.parse(path.read_text())))}
+    assert loading == {ROOT / "t2tl_jax" / "env.py"}
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from t2tl_jax.names import meant, nearest
+from t2tl_jax.names import nearest
 
 
 @pytest.mark.parametrize(
@@ -17,17 +17,3 @@ from t2tl_jax.names import meant, nearest
 )
 def test_nearest(given, known, cutoff, expected):
     assert nearest(given, known, cutoff) == expected
-
-
-@pytest.mark.parametrize(
-    ("given", "known", "expected"),
-    [
-        ("crtic", ["none", "critic"], "critic"),
-        ("Red", ["Green", "Blue"], ""),
-        ("every", ["every_subset", "at_most_one"], "every_subset"),
-        ("at", ["at_most_one", "at_most_two"], ""),
-        ("", ["abc"], ""),
-    ],
-)
-def test_only_a_name_that_is_like_the_given_one_is_suggested(given, known, expected):
-    assert meant(given, known) == expected

@@ -3,8 +3,9 @@
 import dataclasses
 
 from experiments.methods import apply
+from t2tl_jax.ltl import Chains, Listed, Mixture
 from t2tl_jax.registry import named_config
-from t2tl_jax.runs.differences import changed_fields, differences
+from t2tl_jax.runs.differences import changed_fields, differences, in_short
 
 
 def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
@@ -13,13 +14,14 @@ def test_differences_name_nested_fields_and_leave_out_where_the_run_lies():
     assert list(differences(base, dataclasses.replace(base, learner=learner, run=run))) == ["learner.noise_time=0.0"]
 
 
-def test_changed_fields_are_the_smallest_parts_that_differ():
-    base, water = named_config("zone_ppo"), named_config("waterworld_dqn")
-    network = dataclasses.replace(base.learner.network, value_scale=3.0)
-    learner = dataclasses.replace(base.learner, noise_time=0.0, network=network)
-    other = dataclasses.replace(base, env=water.env, learner=learner)
-    assert set(changed_fields(base, other)) == {"env", "learner.noise_time", "learner.network.value_scale"}
-    assert not list(changed_fields(base, base))
+def test_a_family_is_named_in_short():
+    base = named_config("zone_ppo")
+    mixed = Mixture((Chains((1, 2)), Chains((2, 3)), Listed(("F Blue",))))
+    assert list(differences(base, dataclasses.replace(base, task=mixed))) == ["task=a mixture of 3 families"]
+    short, long = (dataclasses.replace(base, task=Chains((1, last))) for last in (3, 4))
+    assert list(differences(short, long)) == ["task.depth=(1, 4)"]
+    assert [in_short(task) for task in ("F Blue", Chains())] == ["F Blue", "chains"]
+    assert in_short(short.task) == "a family of the kind chains"
 
 
 def test_the_period_of_maps_counts_where_maps_are_renewed():
@@ -32,10 +34,10 @@ def test_differences_between_kinds_are_those_from_the_defaults():
     zone, water = named_config("zone_ppo"), apply(named_config("waterworld_dqn"), "rm")
     water = dataclasses.replace(water, frames=zone.frames)
     assert set(differences(zone, water)) == {
-        "env=WaterWorldConfig",
+        "env=waterworld",
         "env.layout=by_seed",
-        "learner=DQNConfig",
-        "learner.network.task_encoder=OneHotConfig",
+        "learner=dqn",
+        "learner.network.task_encoder=one_hot",
         "learner.network.head=bilinear",
         "learner.network.task_layer=512",
         "learner.num_envs=128",
@@ -48,4 +50,13 @@ def test_differences_between_kinds_are_those_from_the_defaults():
         "pretrained=",
         "episode_length=600",
     }
-    assert {"env=ZoneConfig", "learner=PPOConfig"} <= set(differences(water, zone))
+    assert {"env=zones", "learner=ppo"} <= set(differences(water, zone))
+
+
+def test_changed_fields_are_the_smallest_parts_that_differ():
+    base, water = named_config("zone_ppo"), named_config("waterworld_dqn")
+    network = dataclasses.replace(base.learner.network, value_scale=3.0)
+    learner = dataclasses.replace(base.learner, noise_time=0.0, network=network)
+    other = dataclasses.replace(base, env=water.env, learner=learner)
+    assert set(changed_fields(base, other)) == {"env", "learner.noise_time", "learner.network.value_scale"}
+    assert not list(changed_fields(base, base))

@@ -51,7 +51,7 @@ def test_its_evaluation_is_shown_and_not_mixed_with_those_of_all_seeds(kept, eva
     folder = kept[0]
     (folder / "evaluation.json").write_text('{"evaluations": []}')
     assert evaluate_run(folder, "--episodes", "20") == 0
-    assert "not stored: only seeds 1 of 7,1,5" in capsys.readouterr().out
+    assert "not stored: only seed 1 of 1, 5, 7 is kept" in capsys.readouterr().out
     assert (folder / "evaluation.json").read_text() == '{"evaluations": []}'
 
 

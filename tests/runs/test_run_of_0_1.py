@@ -83,7 +83,7 @@ def test_it_is_compared(run, finished, capsys):
     assert compare.main([str(run), str(finished), "--last", "1"]) == 0
     header, old, new, *_ = capsys.readouterr().out.splitlines()
     assert header.split()[0] == "frames/s" and "2,771" in old
-    assert "learner=FakeConfig" in new and "env=FakeEnvConfig" in new
+    assert "learner=fake" in new and "env=fake" in new
 
 
 def test_its_curve_is_drawn(run, drawn):

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import t2tl_jax
 from experiments import run
-from t2tl_jax.errors import UserError
 from t2tl_jax.registry import AGENTS, Kind
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.experiment import build
@@ -84,27 +82,6 @@ def test_training_longer_equals_training_long(long, train, resume):
     for folder in (short, killed):
         assert resume(folder, "--frames", "1200") == 0
         assert_same_run(long, folder)
-
-
-def test_a_run_is_not_resumed_with_fewer_frames_than_it_has(finished, resume, capsys):
-    before = {path: path.read_bytes() for path in finished.iterdir() if path.suffix in (".json", ".csv")}
-    assert resume(finished, "--frames", "100") == 2
-    assert capsys.readouterr().err == (
-        "error: frames=100 is less than the 200 that each seed has already trained; give more, or leave it out\n"
-    )
-    with pytest.raises(UserError, match="less than the 200"):
-        t2tl_jax.resume(finished, frames=150)  # of which as many iterations are made
-    assert before == {path: path.read_bytes() for path in before}
-    assert resume(finished, "--frames", "200") == 0
-    assert "all 2 iterations are done" in capsys.readouterr().out
-
-
-def test_what_may_not_change_is_named_by_its_flag(finished, resume, capsys):
-    assert resume(finished, "--learner.discount", "0.5", "--episode-length", "7", "--run.gif", "False") == 2
-    assert capsys.readouterr().err == (
-        "error: a resumed run keeps its configuration; only --frames, --convergence.*, --until-solved, --run.* may "
-        "change, not --learner.discount, --episode-length\n"
-    )
 
 
 @pytest.mark.slow

@@ -13,7 +13,9 @@ TERMS = """\
   each seed and policy: 500 over all formulas of `Until_1_2_1_1`, 500 over those of an agent's own family, and 10 for
   each of 50 formulas with a map of its own. Of these nothing is known of the worst formula.
 - **Brackets**: 95 % intervals over seeds (of rates, Wilson's with one trial a seed). Of several formulas: over seeds
-  and formulas, both as samples. Aims are judged by the mean itself, not by its interval, unless they say worst.
+  and formulas, both as samples. Aims are judged by the mean itself, not by its interval; those of
+  several formulas by the mean over seeds of the worst formula, if they say so, and by the worst seed and formula only
+  if they say that.
 - **Rows met**: of the formula's open rows, how many were a row of any pool of the training, by language. **Renamed**:
   also under other names of propositions. Of more than four colours, a row that reads more colours than the training had
   was not met. Its own family: all rows of the formulas that are kept for evaluation.

@@ -36,8 +36,8 @@ class Bar:
     figure: str = "success_rate"
     policy: str = SAMPLED
     over: str = "mean"
-    """The mean over tasks and seeds, or the worst seed and task ("worst"), or the mean over seeds of the worst task
-    ("task")."""
+    """The mean over tasks and seeds, or the worst seed and task ("worst"), or the mean over seeds of the task that has
+    the worst one ("task")."""
 
 
 def figures(run: Stored) -> dict[str, dict[str, dict[str, np.ndarray]]]:
@@ -284,7 +284,10 @@ def _measured(of: Mapping[str, Any], bar: Bar) -> tuple[float, str]:
         )
         return (np.nan if estimate.value is None else estimate.value), estimate.text(digits)
     worst = int(np.argmin(values))
-    return values[worst], f"{values[worst]:.{digits}f} ({bar.tasks[worst]})"
+    said = f"{values[worst]:.{digits}f} ({bar.tasks[worst]})"
+    if bar.over == "task":  # a mean hides what single seeds do
+        said += f"; worst seed and formula {min(float(np.nanmin(values)) for values in each):.{digits}f}"
+    return values[worst], said
 
 
 def state_of(run: Stored) -> str:
@@ -356,13 +359,16 @@ WALLED: Others = {
     }
 }
 
+WORST_OF = "success, mean over seeds of the worst of"
+
 ZONE_BARS = (
     Bar("success, mean of z1 to z6", suites.ZONE_Z, least=0.99),
     Bar("success, worst seed and formula of z1 to z6", suites.ZONE_Z, least=0.97, over="worst"),
     Bar("steps, mean of z1 to z6", suites.ZONE_Z, most=200, figure="success_length"),
     Bar("return, mean of z1 to z6", suites.ZONE_Z, least=0.68, figure="discounted_return"),
-    Bar("success, the worst of g1 to g4, long, j8, j10, s7, s8", suites.ZONE_HARD, least=0.97, over="task"),
+    Bar(f"{WORST_OF} g1 to g4, long, j8, j10, s7, s8", suites.ZONE_HARD, least=0.97, over="task"),
     Bar("success on 50 tasks with their maps", (MAPS_50,), least=1.0, policy=MODE),
+    Bar("success on 50 tasks with their maps", (MAPS_50,), least=1.0),
     Bar("return on 50 tasks with their maps", (MAPS_50,), least=0.66, figure="discounted_return", policy=MODE),
 )
 WALL_BARS = (
@@ -370,8 +376,8 @@ WALL_BARS = (
     Bar("return on `Until_1_2_1_1`", (UNTIL_36,), least=0.72, figure="discounted_return"),
     Bar("success on `phi_zone`", ("phi_zone",), least=0.98),
 )
-LETTER_BARS = (Bar("success, the worst of letters_1 to letters_5", suites.LETTERS.tasks[:5], least=0.99, over="task"),)
-FLAT_BARS = (Bar("success, the worst of flat_1 to flat_5", suites.FLAT.tasks, least=0.99, over="task"),)
+LETTER_BARS = (Bar(f"{WORST_OF} letters_1 to letters_5", suites.LETTERS.tasks[:5], least=0.99, over="task"),)
+FLAT_BARS = (Bar(f"{WORST_OF} flat_1 to flat_5", suites.FLAT.tasks, least=0.99, over="task"),)
 WATER_BARS = (
     Bar("success on `phi_water`", ("phi_water",), least=0.99),
     Bar("steps on `phi_water`", ("phi_water",), most=76, figure="success_length"),

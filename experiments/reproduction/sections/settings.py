@@ -14,11 +14,14 @@ from t2tl_jax.training.seeds import parse_seeds
 SEARCHED = """Settings were searched for with the methods of the column "chosen with" alone, and not again for each of
 the others, which take them over: an ordering in which one of the latter is behind may come from that."""
 
+NOT_WHOLE = """A search of the learning rate for every method is not complete ([what it found so
+far](#{})), and the orders here do not take it into account yet."""
+
 
 def searched(world: str) -> str:
     """Which settings were searched for with which methods."""
     if world not in rates.OWN_RATE:
-        return SEARCHED
+        return paragraph(f"{SEARCHED} {NOT_WHOLE.format(SEARCH_ANCHOR)}")
     own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
     found = (
         f"another one than the shared is best for {', '.join(own)}. The runs here have the shared one, and there the "

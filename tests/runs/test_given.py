@@ -1,0 +1,85 @@
+"""What is given to the library's functions and cannot be used: one kind of error, which says what was expected."""
+
+import numpy as np
+import pytest
+
+import t2tl_jax
+from t2tl_jax import LTLError, UserError, load, parse, progress, resume, train
+
+STORED = "results/paper/zone-dfa"
+SMALL = {"frames": 640, "seeds": 1}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"frames": "abc"}, "frames must be a whole number, got 'abc'"),
+        ({"frames": True}, "frames must be a whole number, got True"),
+        ({"frames": 1.5}, "frames must be a whole number, got 1.5"),
+        ({"seeds": 1.5}, "seeds are a count such as 4 or a list such as"),
+        ({"seeds": "x"}, "seeds are a count such as 4 or a list such as"),
+        ({"task": 5}, "task is a formula, the name of a task, or a family of tasks, got 5"),
+        ({"labels": "nxt"}, "labels must be one of next, state, got 'nxt'; did you mean 'next'"),
+        ({"plan": "crtic"}, "plan must be one of none, critic, got 'crtic'; did you mean 'critic'"),
+        ({"progression": "x"}, "progression must be one of exact, paper, got 'x'$"),
+        ({"until_solved": "yes"}, "until_solved must be True or False, got 'yes'"),
+        ({"callbacks": [print]}, "a callback is an object of a class that derives from t2tl_jax.Callback"),
+        ({"folder": 3}, "a folder is a path"),
+        ({"framse": 3}, "no field 'framse'; did you mean 'frames'"),
+    ],
+)
+def test_training_refuses_what_it_cannot_use(given, said):
+    with pytest.raises(UserError, match=said):
+        train("zone_ppo_closed_form", **(SMALL | given))
+
+
+@pytest.mark.parametrize("folder", [None, 5, ["a"]])
+def test_a_folder_is_a_path(folder):
+    with pytest.raises(UserError, match="a folder is a path"):
+        load(folder)
+    with pytest.raises(UserError, match="a folder is a path"):
+        resume(folder)
+
+
+def test_errors_of_formulas_are_errors_of_the_user():
+    assert issubclass(LTLError, UserError) and t2tl_jax.LTLError is LTLError
+    with pytest.raises(UserError, match="expected"):
+        parse("F(Blue")
+    with pytest.raises(UserError, match=r"progress takes a formula, such as parse\('F a'\), got 'F a'"):
+        progress("F a", {"a"})
+    with pytest.raises(UserError, match="a label is a set of propositions"):
+        progress(parse("F Red"), "Red")
+
+
+def test_a_policy_refuses_observations_and_tasks_of_another_kind():
+    run = load(STORED)
+    policy, size = run.policy(), run.experiment.task_env.observation_size
+    row = int(policy.table.initial_row[0])
+    with pytest.raises(UserError, match=rf"an observation has {size} numbers along its last axis, got .* \(3,\)"):
+        policy(np.zeros(3), row)
+    with pytest.raises(UserError, match=r"a task is a row of the table, by its number, or a formula .*, got 1\.5"):
+        policy(np.zeros(size), 1.5)
+    assert policy(np.zeros(size), row).shape == policy(np.zeros((1, size)), np.array([row])).shape[1:]
+
+
+@pytest.mark.parametrize("episodes", [0, -1, 1.5, True])
+def test_an_evaluation_has_episodes(episodes):
+    with pytest.raises(UserError, match=f"episodes is a whole number of at least 1, got {episodes}"):
+        load(STORED).evaluate(episodes=episodes)
+
+
+def test_a_resumed_run_does_not_take_back_what_it_did(finished, resume, capsys):
+    """The folder stays as it is, to the byte."""
+    before = {file: file.read_bytes() for file in finished.rglob("*") if file.is_file()}
+    assert resume(finished, "--frames", "100") == 2
+    assert "frames=100 is less than the 200 that every seed of" in capsys.readouterr().err
+    assert {file: file.read_bytes() for file in finished.rglob("*") if file.is_file()} == before
+    assert resume(finished, "--frames", "200") == 0
+
+
+def test_what_may_not_change_is_named_by_its_flag(finished, resume, capsys):
+    assert resume(finished, "--learner.discount", "0.5", "--episode-length", "7", "--run.gif", "False") == 2
+    assert capsys.readouterr().err == (
+        "error: a resumed run keeps its configuration; only --frames, --convergence.*, --until-solved, --run.* may "
+        "change, not --learner.discount, --episode-length\n"
+    )
