@@ -3,8 +3,10 @@
 Every condition is one that NaN does not meet.
 """
 
+import dataclasses
 import math
 import typing
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,8 @@ from t2tl_jax.names import ALIKE, nearest
 COUNTER_LIMIT = 2**31 - 1
 """The largest number to which the counters of a compiled program, int32, can count."""
 
+COUNTED = "since programs count in 32 bits"
+"""Why there are no more than that."""
 
 EPISODES_LIMIT = 1_000_000
 """Most episodes of a seed that an evaluation plays: all of them side by side."""
@@ -25,22 +29,38 @@ _NAMES = {int: "a whole number", float: "a number", str: "a text", bool: "True o
 
 
 def kinds(config: object) -> None:
-    """Every field of a dataclass that holds a number, a text, a truth value or one of several words, by its annotation.
+    """Every field of a dataclass that holds a number, a text, a truth value, one of several words or a part, by its
+    annotation; of parts the words too.
 
     Raises:
         ValueError: for the first that holds something of another kind, or a word that is none of those that it may
             hold, with the nearest.
     """
+    words_of_parts(config)
     for name, hint in typing.get_type_hints(type(config)).items():
         value = getattr(config, name)
-        if typing.get_origin(hint) is typing.Literal:
-            words = typing.get_args(hint)
+        if hint in _NAMES and not _is(value, hint):
+            raise ValueError(f"{name} must be {_NAMES[hint]}, got {value!r}")
+        elif dataclasses.is_dataclass(hint) and not isinstance(value, hint):
+            raise ValueError(f"{name} must be of type {hint.__name__}, got {value!r:.100}")
+
+
+def words_of_parts(config: Any, prefix: str = "") -> None:
+    """Every field that holds one of several words, of the dataclass and of its parts.
+
+    Raises:
+        ValueError: for the first that holds another one, with the nearest.
+    """
+    for field in dataclasses.fields(config):
+        value, name = getattr(config, field.name), prefix + field.name
+        if typing.get_origin(field.type) is typing.Literal:
+            words = typing.get_args(field.type)
             if value not in words:
                 close = nearest(str(value), map(str, words), cutoff=ALIKE)
                 meant = f"; did you mean {close!r}?" if close else ""
                 raise ValueError(f"{name} must be one of {', '.join(map(str, words))}, got {value!r}{meant}")
-        elif hint in _NAMES and not _is(value, hint):
-            raise ValueError(f"{name} must be {_NAMES[hint]}, got {value!r}")
+        elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+            words_of_parts(value, name + ".")
 
 
 def _is(value: object, kind: type) -> bool:
@@ -59,11 +79,24 @@ def whole(config: object, *names: str) -> None:
     """
     for name in names:
         value = getattr(config, name)
-        if isinstance(value, int) or not isinstance(value, float | np.number):
-            continue
-        if not float(value).is_integer():
-            raise ValueError(f"{name} must be a whole number, got {value}")
-        object.__setattr__(config, name, int(value))  # also of a frozen dataclass that is being made
+        if not isinstance(value, int):
+            object.__setattr__(config, name, _whole(name, value))  # also of a frozen dataclass that is being made
+
+
+def _whole(name: str, value: Any) -> int:
+    number = _number(name, value, "a whole number")
+    if not number.is_integer():
+        raise ValueError(f"{name} must be a whole number, got {value}")
+    return int(number) if isinstance(value, float) else int(value)
+
+
+def _number(name: str, value: Any, what: str = "a number") -> float:
+    try:
+        if not isinstance(value, str):
+            return float(value)
+    except (TypeError, ValueError):
+        pass
+    raise ValueError(f"{name} must be {what}, got {value!r:.100}")
 
 
 def counts(
@@ -71,7 +104,7 @@ def counts(
     *names: str,
     least: int = 1,
     most: int = COUNTER_LIMIT,
-    why: str = "since programs count in 32 bits",
+    why: str = COUNTED,
 ) -> None:
     """Fields that hold whole numbers (see `whole`) from `least` to `most`, by default what a counter can hold; `why` no
     more.
@@ -97,14 +130,16 @@ def sizes(config: object, *names: str) -> None:
     """Fields that hold the sizes of layers one after another: each at least 1. There may be none."""
     for name in names:
         value = getattr(config, name)
-        if not all(size >= 1 for size in value):
-            raise ValueError(f"{name} are sizes of layers, each at least 1, got {value}")
+        if not isinstance(value, tuple | list) or not all(
+            isinstance(size, int | np.integer) and size >= 1 for size in value
+        ):
+            raise ValueError(f"{name} are sizes of layers, each at least 1, got {value!r:.100}")
 
 
 def positive(config: object, *names: str) -> None:
     """Fields that hold finite numbers above 0."""
     for name in names:
-        value = getattr(config, name)
+        value = _number(name, getattr(config, name))
         if not 0.0 < value < math.inf:
             raise ValueError(f"{name} must be a finite number above 0, got {value}")
 
@@ -112,7 +147,7 @@ def positive(config: object, *names: str) -> None:
 def not_negative(config: object, *names: str) -> None:
     """Fields that hold finite numbers, 0 or more."""
     for name in names:
-        value = getattr(config, name)
+        value = _number(name, getattr(config, name))
         if not 0.0 <= value < math.inf:
             raise ValueError(f"{name} must be a finite number, 0 or more, got {value}")
 
@@ -120,7 +155,7 @@ def not_negative(config: object, *names: str) -> None:
 def shares(config: object, *names: str) -> None:
     """Fields that hold numbers from 0 to 1."""
     for name in names:
-        value = getattr(config, name)
+        value = _number(name, getattr(config, name))
         if not 0.0 <= value <= 1.0:
             raise ValueError(f"{name} must lie between 0 and 1, got {value}")
 

@@ -17,7 +17,7 @@ from t2tl_jax.ltl.compiler.parts import check_entries, check_tokens, fitting_cut
 from t2tl_jax.ltl.compiler.states import EXACT
 from t2tl_jax.ltl.describe import describe, describe_word, to_dot
 from t2tl_jax.ltl.errors import LTLError
-from t2tl_jax.ltl.families import reads_as_family
+from t2tl_jax.ltl.families import check_name, is_family
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.reward_machine import RewardMachine
 from t2tl_jax.ltl.tasks import WATER_PROPOSITIONS, ZONE_PROPOSITIONS, resolve
@@ -86,14 +86,10 @@ def run(arguments: Arguments) -> str:
         raise LTLError("give at least one formula, for example 'F(a & F b)'")
     if arguments.show_rows is not None and arguments.show_rows < 0:
         raise LTLError(f"--show-rows takes a whole number from 0 on, got {arguments.show_rows}")
-    families = [text for text in arguments.formulas if reads_as_family(text)]
-    if families:
-        raise LTLError(
-            f"{families[0]} reads as a family of random tasks, which has no table of its own; train on it with "
-            f"experiments.run --task {families[0]}, or draw from it with t2tl_jax.sample"
-        )
     begin = time.monotonic()
     resolved = [resolve(text) for text in arguments.formulas]
+    for text, task in zip(arguments.formulas, resolved, strict=True):
+        _refuse_family(text, task, _split(arguments.propositions or "", ","))
     formulas = [task for task in resolved if isinstance(task, Formula)]
     machines = [machine for task in resolved if not isinstance(task, Formula) for machine in task]
     if formulas and machines:
@@ -124,6 +120,21 @@ def run(arguments: Arguments) -> str:
             shown = task.name if isinstance(task, RewardMachine) else task
             text += f"\n\nword, task {number}: {shown}\n{describe_word(automaton, word, number)}"
     return text
+
+
+def _refuse_family(text: str, task: Formula | tuple[RewardMachine, ...], propositions: list[str]) -> None:
+    """Refuse the name of a family, maybe misspelt, which would be read as a proposition."""
+    word = text.strip()
+    if not (isinstance(task, Formula) and task.op == "prop" and is_family(word, propositions)):
+        return
+    way_out = f"\nFor a proposition of this name write '\"{word}\"'."
+    try:
+        check_name(word)
+    except LTLError as error:
+        raise LTLError(f"{error}{way_out}") from None
+    raise LTLError(
+        f"{word} is a family of random tasks, and this command shows given ones; `sample` draws one{way_out}"
+    )
 
 
 def _check_arrays(automaton: Automaton, limits: Limits) -> None:

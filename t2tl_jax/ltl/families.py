@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import reduce
 
 from t2tl_jax.ltl.benchmark_tasks import BENCHMARK_TASKS
-from t2tl_jax.ltl.errors import LTLError, UnknownTaskError, nearest
+from t2tl_jax.ltl.errors import LTLError, UnknownTaskError, check_text, names_of, nearest
 from t2tl_jax.ltl.formula import Formula, eventually, prop, quote, until
 
 Sampler = Callable[[random.Random], Formula]
@@ -157,7 +157,13 @@ def modules_of_families() -> tuple[str, ...]:
 
 
 def sample(name: str | TaskFamily, propositions: Sequence[str], seed: int) -> Formula:
-    """Draw one task of a family; equal arguments give equal tasks."""
+    """Draw one task of a family; equal arguments give equal tasks.
+
+    Raises:
+        LTLError: as `make_sampler`, or for a seed that is no whole number.
+    """
+    if not isinstance(seed, int):
+        raise LTLError(f"seed is a whole number, got {seed!r:.100}")
     return make_sampler(name, propositions)(random.Random(seed))
 
 
@@ -171,12 +177,6 @@ def is_family(text: str | TaskFamily, propositions: Sequence[str] = ()) -> bool:
     if word.split("_OR_")[0] in _NAMED:
         return True
     return word.split("_")[0] in _FAMILIES or re.fullmatch(r"[A-Za-z]+(_\d+)+", word) is not None
-
-
-def reads_as_family(text: str) -> bool:
-    """Whether a text is one word that begins as families with numbers do, such as `Until_1_2`, right or wrong."""
-    first, _, rest = text.strip().partition("_")
-    return first in _FAMILIES and rest.replace("_", "").isdecimal()
 
 
 def make_sampler(name: str | TaskFamily, propositions: Sequence[str]) -> Sampler:
@@ -194,15 +194,31 @@ def make_sampler(name: str | TaskFamily, propositions: Sequence[str]) -> Sampler
         LTLError: wrong parameters, or too few propositions.
     """
     if isinstance(name, TaskFamily):
-        family_data, given = name, tuple(propositions)
+        family_data, given = name, names_of(propositions)
         _check_count(str(name), given, family_data.least())
         return lambda rng: family_data.draw(rng, given)
+    check_text("the name of a family", name)
     if name in _NAMED:
         return make_sampler(_NAMED[name], propositions)
     if "_OR_" in name:
         first, second = name.split("_OR_", 1)
         left, right = make_sampler(first, propositions), make_sampler(second, propositions)
         return lambda rng: left(rng) | right(rng)
+    family, numbers = _read(name)
+    names = names_of(propositions)
+    _check_count(name, names, family.least(*numbers) if callable(family.least) else family.least)
+    return lambda rng: _drawn(family, rng, names, numbers)
+
+
+def check_name(name: str) -> None:
+    """Refuse what only looks like the name of a family; errors as `make_sampler`, but for propositions."""
+    for part in name.split("_OR_"):
+        if part not in _NAMED:
+            _read(part)
+
+
+def _read(name: str) -> tuple[_Family, list[int]]:
+    """The family that a name speaks of, and its numbers."""
     family = _FAMILIES.get(name.split("_")[0])
     if family is None:
         known = ", ".join([*_NAMED, *(each.shape for each in _FAMILIES.values()), _JOINED])
@@ -216,9 +232,7 @@ def make_sampler(name: str | TaskFamily, propositions: Sequence[str]) -> Sampler
     for low, high in family.ranges(numbers):
         if low > high:
             raise LTLError(f'"{name}" asks for {low} to {high}, an empty range: {family.shape}')
-    names = tuple(propositions)
-    _check_count(name, names, family.least(*numbers) if callable(family.least) else family.least)
-    return lambda rng: _drawn(family, rng, names, numbers)
+    return family, numbers
 
 
 def _numbers(family: _Family, name: str) -> list[int] | None:

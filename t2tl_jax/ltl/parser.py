@@ -9,7 +9,7 @@ import re
 from typing import NamedTuple
 
 from t2tl_jax.ltl.co_safety import find_offence
-from t2tl_jax.ltl.errors import LTLSyntaxError, NotCoSafeError, TooLargeError, caret
+from t2tl_jax.ltl.errors import LTLError, LTLSyntaxError, NotCoSafeError, TooLargeError, caret
 from t2tl_jax.ltl.formula import BINDING, FALSE, MAX_DEPTH, MAX_SIZE, RIGHT_ASSOCIATIVE, TRUE, Formula, prop
 
 _UNARY = {
@@ -67,6 +67,7 @@ def parse(text: str, *, co_safe: bool = True, temporal: bool = True) -> Formula:
         temporal: allow operators that speak of later steps; the guards of reward machines have none.
 
     Raises:
+        LTLError: anything that is no text.
         LTLSyntaxError: malformed text; the message shows the place and what could stand there.
         NotCoSafeError: some operator makes the formula unsatisfiable by finite words; the message names it.
         TooLargeError: beyond `MAX_SIZE` nodes or `MAX_DEPTH` levels.
@@ -77,7 +78,7 @@ def parse(text: str, *, co_safe: bool = True, temporal: bool = True) -> Formula:
 class _Parser:
     def __init__(self, text: str) -> None:
         if not isinstance(text, str):
-            raise TypeError(f"parse takes a string, got {type(text).__name__}; see from_tuple for nested tuples")
+            raise LTLError(f"parse takes a text, got {text!r:.100}; from_tuple reads nested tuples")
         self.text = text
         self.operands: list[Formula] = []
         self.pending: list[_Pending] = []

@@ -336,11 +336,15 @@ def compile_named(
 
 def _limits(limits: Limits | None, max_rows: int | None) -> Limits:
     limits = Limits() if limits is None else limits
+    if not isinstance(limits, Limits):
+        raise LTLError(f"limits are Limits(...), got {limits!r:.100}")
     return limits if max_rows is None else replace(limits, max_rows=max_rows)
 
 
 def _to_table(automaton: Automaton, length: int | None, limits: Limits) -> TaskTable:
     """Pad the tokens to `length` and put the arrays on the device."""
+    if length is not None and not isinstance(length, int | np.integer):
+        raise LTLError(f"length is a whole number of tokens, got {length!r:.100}")
     cuts = fitting_cuts(automaton.steps)
     check_entries(cuts, room_for(automaton.steps, cuts), automaton.alphabet, limits)
     longest = max(len(row) for row in automaton.tokens)

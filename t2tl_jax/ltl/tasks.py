@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from t2tl_jax.ltl.benchmark_tasks import BENCHMARK_TASKS
-from t2tl_jax.ltl.errors import LTLError, UnknownTaskError, nearest
+from t2tl_jax.ltl.errors import LTLError, UnknownTaskError, check_text, nearest
 from t2tl_jax.ltl.formula import Formula
 from t2tl_jax.ltl.parser import parse
 from t2tl_jax.ltl.reward_machine import RewardMachine, parse_machine
@@ -68,6 +68,7 @@ def resolve_task(text: str) -> Formula:
         UnknownTaskError: for a misspelt name.
         LTLError: for reward machines, and as the formula deserves.
     """
+    check_text("a task", text)
     word = text.strip()
     if word in REWARD_MACHINES:
         raise LTLError(f"{word} is a reward machine, not a formula; compile_named takes both")
@@ -85,7 +86,12 @@ def resolve_tasks(text: str | Iterable[str]) -> dict[str, Formula]:
     Raises:
         LTLError: for an empty list, an unknown name or a malformed formula.
     """
-    words = [word.strip() for word in (text.split(",") if isinstance(text, str) else text) if word.strip()]
+    if not isinstance(text, Iterable):
+        raise LTLError(f"tasks are a list of names and formulas, got {text!r:.100}")
+    given = text.split(",") if isinstance(text, str) else list(text)
+    for word in given:
+        check_text("a task", word)
+    words = [word.strip() for word in given if word.strip()]
     if not words:
         raise LTLError("the list of tasks is empty; give names or formulas, apart by commas, such as z1,z2")
     return {word: _task_of_list(word) for word in words}
@@ -159,6 +165,7 @@ def resolve(text: str) -> Formula | tuple[RewardMachine, ...]:
         UnknownTaskError: an unknown name, or a file that cannot be read.
         LTLError: as the formula or the machine deserves.
     """
+    check_text("a task", text)
     word = text.strip()
     if is_machine_file(word):
         return (read_machine(word),)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from t2tl_jax.ltl.compiler.budget import Limits, way_out
-from t2tl_jax.ltl.errors import LTLError, TooLargeError, nearest, unknown_proposition
+from t2tl_jax.ltl.errors import LTLError, TooLargeError, names_of, nearest, unknown_proposition
 from t2tl_jax.ltl.formula import Formula
 
 EVERY_SUBSET = "every_subset"
@@ -30,7 +30,7 @@ def check_names(
     """Check names and alphabet; return the environment's propositions and the indices of those used."""
     if isinstance(propositions, str):
         raise LTLError(f"propositions is a sequence of names, got the string {propositions!r}")
-    names = tuple(propositions)
+    names = names_of(propositions)
     if len(set(names)) < len(names):
         raise LTLError(f"the environment names a proposition twice: {', '.join(names)}")
     if alphabet not in ALPHABETS:

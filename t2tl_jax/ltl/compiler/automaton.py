@@ -131,7 +131,10 @@ def build(
             f"unknown progression {progression!r}; known: {', '.join(PROGRESSIONS)}"
             f"{nearest(str(progression), PROGRESSIONS)}"
         )
-    tasks = [formulas] if isinstance(formulas, str | Formula) else list(formulas)
+    tasks = [formulas] if isinstance(formulas, str | Formula) or not isinstance(formulas, Iterable) else list(formulas)
+    for task in tasks:
+        if not isinstance(task, str | Formula):
+            raise LTLError(f"tasks are formulas, as text or parsed, got {task!r:.100}")
     normal = [negation_normal_form(parse(task) if isinstance(task, str) else task) for task in tasks]
     limits = Limits() if limits is None else limits
     names, used = check_names(normal, propositions, alphabet, limits)

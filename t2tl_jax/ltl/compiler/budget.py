@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
+from t2tl_jax import checks
 from t2tl_jax.ltl.errors import LTLError, TooLargeError
 
 WORK_PER_ROW = 7_500
@@ -33,6 +34,10 @@ class Limits:
     """Propositions that the tasks may use, at most 500; of the alphabet "every_subset" never more than 31."""
 
     def __post_init__(self) -> None:
+        try:
+            checks.whole(self, *vars(self))
+        except ValueError as error:
+            raise LTLError(str(error)) from None
         for name, value in vars(self).items():
             if value < (name != "max_work"):
                 raise LTLError(f"{name} must be at least {int(name != 'max_work')}, got {value}")
