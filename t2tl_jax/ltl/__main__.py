@@ -88,8 +88,8 @@ def run(arguments: Arguments) -> str:
         raise LTLError(f"--show-rows takes a whole number from 0 on, got {arguments.show_rows}")
     begin = time.monotonic()
     resolved = [resolve(text) for text in arguments.formulas]
-    for text, task in zip(arguments.formulas, resolved, strict=True):
-        _refuse_family(text, task, _split(arguments.propositions or "", ","))
+    for text, one in zip(arguments.formulas, resolved, strict=True):
+        _refuse_family(text, one, _split(arguments.propositions or "", ","))
     formulas = [task for task in resolved if isinstance(task, Formula)]
     machines = [machine for task in resolved if not isinstance(task, Formula) for machine in task]
     if formulas and machines:

@@ -1,6 +1,7 @@
 """Errors about formulas and tasks: each says what was given, what was expected, and the way out."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from t2tl_jax import names
 from t2tl_jax.errors import UserError
@@ -49,6 +50,20 @@ class UnknownTaskError(LTLError):
 
 class TooLargeError(LTLError):
     """A bound on size, nesting, rows or work was reached; the message names the bound."""
+
+
+def check_text(what: str, given: Any) -> None:
+    """Raise an `LTLError` for a formula, a name or the like that is no text."""
+    if not isinstance(given, str):
+        raise LTLError(f"{what} is a text, got {given!r:.100}")
+
+
+def names_of(propositions: Any) -> tuple[str, ...]:
+    """The propositions of an environment; `LTLError` for what is no sequence of names."""
+    names = tuple(propositions) if isinstance(propositions, Iterable) else (propositions,)
+    if not all(isinstance(name, str) for name in names):
+        raise LTLError(f"propositions is a sequence of names, got {propositions!r:.100}")
+    return names
 
 
 def no_formulas() -> LTLError:

@@ -36,6 +36,8 @@ def progress(formula: Formula, label: Collection[str], progression: str = EXACT)
         raise LTLError(f"progress takes a formula, such as parse('F a'), got {formula!r}")
     if isinstance(label, str):  # a collection of letters
         raise LTLError(f"a label is a set of propositions, such as {{{label!r}}}, got the text {label!r}")
+    if not isinstance(label, Collection):
+        raise LTLError(f"a label is a set of propositions, such as {{'a'}}, got {label!r:.100}")
     if progression not in PROGRESSIONS:
         raise LTLError(
             f"unknown progression {progression!r}; known: {', '.join(PROGRESSIONS)}"

@@ -54,7 +54,10 @@ def test_errors_are_messages(argv, message, capsys):
     ("argv", "message"),
     [
         (["F a", "--wrd", "a"], "unknown option '--wrd'; did you mean '--word'?"),
-        (["Until_1_2"], "Until_1_2 reads as a family of random tasks"),
+        (["Until_1_2"], '"Until_1_2" needs 4 positive whole numbers: Until_<min levels>_<max levels>_<min conjuncts>'),
+        (["Untl_1_2_1_1"], 'did you mean "Until_1_2_1_1"?'),
+        (["F a", "Until_1_2_1_1"], "Until_1_2_1_1 is a family of random tasks, and this command shows given ones"),
+        (["Default"], "Default is a family of random tasks"),
         (["F a", "--max-rows", "many"], "--max-rows takes a whole number, got 'many'"),
         (["F a", "--alphabet", "every"], "did you mean 'every_subset'?"),
         (["--dot=Tru", "F a"], "unknown --dot 'Tru'; did you mean 'True'?"),
@@ -65,6 +68,11 @@ def test_mistakes_in_options_are_plain_lines(argv, message, capsys):
     assert main(argv) == 2
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("error: ") and message in lines[0] and len(lines) <= 2
+
+
+@pytest.mark.parametrize("argv", [['"room_1"'], ["room_1", "--propositions", "room_1,b"], ["F Default"]])
+def test_a_proposition_may_be_called_like_a_family(argv, capsys):
+    assert main(argv) == 0 and "3 rows, 1 task" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("options", [["--max-rows", "10", "--dot"], ["--dot=True", "--max-rows=10"], ["--dot", "True"]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import t2tl_jax
-from t2tl_jax import LTLError, UserError, load, parse, progress, resume, train
+from t2tl_jax import LTLError, PPOConfig, UserError, compile_tasks, load, parse, progress, resume, sample, train
 
 STORED = "results/paper/zone-dfa"
 SMALL = {"frames": 640, "seeds": 1}
@@ -23,6 +23,9 @@ SMALL = {"frames": 640, "seeds": 1}
         ({"plan": "crtic"}, "plan must be one of none, critic, got 'crtic'; did you mean 'critic'"),
         ({"progression": "x"}, "progression must be one of exact, paper, got 'x'$"),
         ({"until_solved": "yes"}, "until_solved must be True or False, got 'yes'"),
+        ({"pool": 3}, "pool must be of type PoolConfig, got 3"),
+        ({"run": None}, "run must be of type RunConfig, got None"),
+        ({"random_starts": "x"}, "random_starts must be a number, got 'x'"),
         ({"callbacks": [print]}, "a callback is an object of a class that derives from t2tl_jax.Callback"),
         ({"folder": 3}, "a folder is a path"),
         ({"framse": 3}, "no field 'framse'; did you mean 'frames'"),
@@ -41,6 +44,24 @@ def test_a_folder_is_a_path(folder):
         resume(folder)
 
 
+def test_words_of_parts_are_checked_too():
+    with pytest.raises(UserError, match=r"learner.minibatches_of must be one of .*; did you mean 'environments'"):
+        train("zone_ppo_closed_form", learner=PPOConfig(minibatches_of="enviroments"), **SMALL)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"num_envs": "x"}, "num_envs must be a whole number, got 'x'"),
+        ({"num_envs": None}, "num_envs must be a whole number, got None"),
+        ({"learning_rate": "fast"}, "learning_rate must be a number, got 'fast'"),
+    ],
+)
+def test_a_part_made_by_itself_says_what_it_takes(fields, said):
+    with pytest.raises(ValueError, match=said):
+        PPOConfig(**fields)
+
+
 def test_errors_of_formulas_are_errors_of_the_user():
     assert issubclass(LTLError, UserError) and t2tl_jax.LTLError is LTLError
     with pytest.raises(UserError, match="expected"):
@@ -49,6 +70,27 @@ def test_errors_of_formulas_are_errors_of_the_user():
         progress("F a", {"a"})
     with pytest.raises(UserError, match="a label is a set of propositions"):
         progress(parse("F Red"), "Red")
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: parse(5), "parse takes a text, got 5"),
+        (lambda: progress(parse("F Red"), 5), "a label is a set of propositions, such as {'a'}, got 5"),
+        (lambda: sample(5, ("a",), 0), "the name of a family is a text, got 5"),
+        (lambda: sample("Default", 5, 0), "propositions is a sequence of names, got 5"),
+        (lambda: sample("Default", tuple("abcd"), 1.5), "seed is a whole number, got 1.5"),
+        (lambda: compile_tasks(5, ("a",)), "tasks are formulas, as text or parsed, got 5"),
+        (lambda: compile_tasks(["F a", None], ("a",)), "tasks are formulas, as text or parsed, got None"),
+        (lambda: compile_tasks("F a", 5), "propositions is a sequence of names, got 5"),
+        (lambda: compile_tasks("F a", ("a",), max_rows="x"), "max_rows must be a whole number, got 'x'"),
+        (lambda: compile_tasks("F a", ("a",), length="x"), "length is a whole number of tokens, got 'x'"),
+        (lambda: compile_tasks("F a", ("a",), limits=5), r"limits are Limits\(...\), got 5"),
+    ],
+)
+def test_functions_of_formulas_take_formulas(call, said):
+    with pytest.raises(LTLError, match=said):
+        call()
 
 
 def test_a_policy_refuses_observations_and_tasks_of_another_kind():
