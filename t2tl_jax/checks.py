@@ -41,7 +41,7 @@ def kinds(config: object) -> None:
         value = getattr(config, name)
         if hint in _NAMES and not _is(value, hint):
             raise ValueError(f"{name} must be {_NAMES[hint]}, got {value!r}")
-        elif dataclasses.is_dataclass(hint) and not isinstance(value, hint):
+        elif isinstance(hint, type) and dataclasses.is_dataclass(hint) and not isinstance(value, hint):
             raise ValueError(f"{name} must be of type {hint.__name__}, got {value!r:.100}")
 
 
@@ -114,11 +114,17 @@ def counts(
     """
     whole(config, *names)
     for name in names:
-        value = getattr(config, name)
-        if value < least:
-            raise ValueError(f"{name} must be at least {least}, got {value}")
-        if value > most:
-            raise ValueError(f"{name} must be at most {most:,}, {why}, got {value:,}")
+        count(name, getattr(config, name), least, most, why)
+
+
+def count(name: str, value: Any, least: int = 1, most: int = COUNTER_LIMIT, why: str = COUNTED) -> int:
+    """One such number by itself, such as an argument of a function; returns it as one of Python."""
+    number = value if isinstance(value, int) else _whole(name, value)
+    if number < least:
+        raise ValueError(f"{name} must be at least {least}, got {number}")
+    if number > most:
+        raise ValueError(f"{name} must be at most {most:,}, {why}, got {number:,}")
+    return number
 
 
 def episodes(config: object, name: str, least: int = 1) -> None:

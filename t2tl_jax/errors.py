@@ -32,6 +32,23 @@ class Note(UserWarning):
     """Something the user should know although the work goes on; commands print it as a note."""
 
 
+def check_type(what: str, given: object, *wanted: type, hint: str = "") -> None:
+    """Refuse an argument that is of no fitting type.
+
+    Args:
+        what: how to call it.
+        given: the argument.
+        *wanted: types that fit.
+        hint: what else there is to say, behind the message.
+
+    Raises:
+        UserError: saying what was given, and which types fit.
+    """
+    if not isinstance(given, wanted):
+        names = " or ".join("None" if kind is type(None) else kind.__name__ for kind in wanted)
+        raise UserError(f"{what} must be of type {names}, got {given!r:.100}{hint}")
+
+
 @contextmanager
 def explained() -> Iterator[None]:
     """Around what the user gave: a ``ValueError`` of the library becomes a ``UserError`` in its words."""

@@ -4,6 +4,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 
 from t2tl_jax.errors import UserError
@@ -45,8 +46,8 @@ class Policy:
         Ask for it before every action, and pass it on to `remember`, and the policy keeps to its choice; a call without
         chooses anew each time. Other policies decide nothing.
         """
-        row = jnp.broadcast_to(jnp.asarray(row, jnp.int32), jnp.shape(obs)[:-1])
-        return self.agent.decide(self.params, self.embedding, carry, jnp.asarray(obs), row)
+        obs, row = self._checked(obs, row)
+        return self.agent.decide(self.params, self.embedding, carry, obs, row)
 
     def row(self, task: str) -> int:
         """The row of the table that has the meaning of `task`: a formula, or the name of one.
@@ -66,6 +67,25 @@ class Policy:
             )
         return texts.index(text)
 
+    def _checked(self, obs: Any, task: Any) -> tuple[jax.Array, jax.Array]:
+        """Observations, and the row of the table that each is acted on by."""
+        try:
+            obs = jnp.asarray(obs)
+        except (TypeError, ValueError) as error:
+            raise UserError(f"an observation is an array of numbers, got {obs!r:.100}") from error
+        if obs.shape[-1:] != (self.observation_size,):
+            raise UserError(
+                f"an observation has {self.observation_size} numbers along its last axis, got one of the shape "
+                f"{obs.shape}"
+            )
+        row = self.row(task) if isinstance(task, str) else task
+        is_number = isinstance(row, int | np.number | np.ndarray | jax.Array)
+        if not is_number or not jnp.issubdtype(jnp.result_type(row), jnp.integer):
+            raise UserError(f"a task is a row of the table, by its number, or a formula in words, got {task!r:.100}")
+        if isinstance(row, int | np.integer) and not 0 <= row < self.table.num_rows:
+            raise UserError(f"the table has rows 0 to {self.table.num_rows - 1}, got {row}")
+        return obs, jnp.broadcast_to(jnp.asarray(row, jnp.int32), obs.shape[:-1])
+
     def __call__(
         self, obs: jax.Array, task: jax.Array | int | str, carry: AgentCarry = None, key: jax.Array | None = None
     ) -> jax.Array:
@@ -80,15 +100,7 @@ class Policy:
         Raises:
             UserError: if a policy with memory gets no carry, for an unknown task, or for observations of another size.
         """
-        if jnp.shape(obs)[-1:] != (self.observation_size,):
-            raise UserError(
-                f"an observation has {self.observation_size} numbers along its last axis, got one of the shape "
-                f"{jnp.shape(obs)}"
-            )
-        row = self.row(task) if isinstance(task, str) else task
-        if not jnp.issubdtype(jnp.result_type(row), jnp.integer):
-            raise UserError(f"a task is a row of the table, by its number, or a formula in words, got {task!r}")
-        row = jnp.broadcast_to(jnp.asarray(row, jnp.int32), jnp.shape(obs)[:-1])
+        obs, row = self._checked(obs, task)
         if carry is None:
             if jax.tree.leaves(self.begin()):
                 raise UserError(
@@ -98,7 +110,6 @@ class Policy:
             carry = ()
         deterministic = key is None
         key = jax.random.key(0) if key is None else key
-        obs = jnp.asarray(obs)
         carry = self.agent.decide(self.params, self.embedding, carry, obs, row)
         return self.agent.act(self.params, self.embedding, carry, obs, row, key, deterministic)
 

@@ -8,10 +8,11 @@ from typing import overload
 import jax
 import numpy as np
 
+from t2tl_jax import checks
 from t2tl_jax.env import LabelledEnv
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import UserError, check_type, explained
 from t2tl_jax.evaluation.report import Report
-from t2tl_jax.ltl import TaskFamily, TaskTable
+from t2tl_jax.ltl import Formula, TaskFamily, TaskTable
 from t2tl_jax.runs import evaluations
 from t2tl_jax.runs.any_task import compile_each
 from t2tl_jax.runs.config import Config
@@ -162,12 +163,18 @@ class Result:
             raise UserError("evaluate takes one task or a list of tasks, got both")
         if isinstance(tasks, str):
             raise UserError(f"tasks is a list of names and formulas, got the text {tasks!r}; give [{tasks!r}]")
-        length = self.config.episode_length if episode_length is None else episode_length
+        length = self.episode_length(episode_length)
+        check_type("env", env, LabelledEnv, type(None))
         if tasks is None:
             return evaluations.evaluate_policies(self._on(task, env), params, episodes, length)[which]
         tables, experiment = self._on_each(tasks, env)
         played = evaluations.evaluate_tables(experiment, params, list(tables.values()), episodes, length)[which]
         return dict(zip(tables, played, strict=True))
+
+    def episode_length(self, given: int | None) -> int:
+        """A time limit in steps, by default the run's own; UserError for one that cannot be."""
+        with explained():
+            return self.config.episode_length if given is None else checks.count("episode_length", given)
 
     def tables(self, tasks: Sequence[str]) -> dict[str, TaskTable]:
         """A table for each of some tasks, all of equal shapes; by what each is called in the list.
@@ -195,6 +202,8 @@ class Result:
             with explained():
                 table = make_table(self.config if task is None else self.config.for_task(task), env)
         else:
+            hint = "; of a formula give the text, str(formula)" if isinstance(task, Formula) else ""
+            check_type("task", task, str, TaskFamily, TaskTable, hint=hint)
             table = task
         experiment = self._elsewhere(env, table)
         try:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from t2tl_jax.errors import UserError
+from t2tl_jax.errors import UserError, check_type
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs import machine_files, params_file, pretraining
 from t2tl_jax.runs.callbacks import Callback
@@ -33,6 +33,8 @@ class Session:
     command: Sequence[str] | None
 
     def __post_init__(self) -> None:
+        for what, given in (("callbacks", self.callbacks), ("pretraining_callbacks", self.pretraining_callbacks)):
+            check_type(what, given, list, tuple)
         for one in (*self.callbacks, *self.pretraining_callbacks):
             if not isinstance(one, Callback):
                 raise UserError(f"a callback is an object of a class that derives from t2tl_jax.Callback, got {one!r}")

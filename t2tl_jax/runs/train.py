@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, overload
 
 from t2tl_jax.env import EnvConfig, LabelledEnv
-from t2tl_jax.errors import Note, UserError, did_you_mean, explained
+from t2tl_jax.errors import Note, UserError, check_type, did_you_mean, explained
 from t2tl_jax.evaluation.report import Report
 from t2tl_jax.ltl import TaskFamily
 from t2tl_jax.registry import named_config
@@ -69,6 +69,7 @@ def train(
     with explained():
         first = pretrained if isinstance(pretrained, Result) else None
         if pretrained is not None:
+            check_type("pretrained", pretrained, Result, str, PathLike)
             changes["pretrained"] = str(pretrained if first is None else (first.folder or pretraining.GIVEN))
         chosen, env = _configuration(config, task, learner, seeds, changes)
         chosen = pretraining.located(chosen)
@@ -115,6 +116,7 @@ def resume(
             raise UserError(
                 f"{run.path} is kept without its checkpoints: it can be loaded and evaluated, but not trained further"
             )
+        _check_env(env)
         config = _changed(stored, changes)
         refuse_other_changes(stored, config)
         if hosts.is_first():
@@ -123,9 +125,10 @@ def resume(
         with Checkpoints(run.checkpoints) as checkpoints:
             done = checkpoints.latest_iteration()
         begun = done is not None
-        if done is not None and config.iterations < done and config.frames != stored.frames:
+        trained = (done or 0) * config.learner.frames_per_iteration
+        if config.frames < trained and config.frames != stored.frames:
             raise UserError(
-                f"frames={config.frames:,} is less than the {done * config.learner.frames_per_iteration:,} that every "
+                f"frames={config.frames:,} is less than the {trained:,} that every "
                 f"seed of {run.path} has been trained for; give more, or leave it out"
             )
         if not begun and (elsewhere := pretraining.elsewhere(config)):
@@ -163,6 +166,7 @@ def load(
         run, stored = run_folder.open_existing(_path(folder))
         if params_file.stands_in(run):
             stored = replace(stored, seeds=_in_words(_seeds_kept(run, stored)))
+        _check_env(env)
         experiment = build(_changed(stored, changes), env)
         return sessions.loaded(experiment, run)
 
@@ -171,6 +175,10 @@ def _path(folder: str | Path) -> Path:
     if not isinstance(folder, str | PathLike):
         raise UserError(f"a folder is a path, such as 'runs/mine', got {folder!r}")
     return Path(folder)
+
+
+def _check_env(env: object) -> None:
+    check_type("env", env, LabelledEnv, type(None))
 
 
 def _configuration(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import t2tl_jax
-from t2tl_jax import LTLError, PPOConfig, UserError, compile_tasks, load, parse, progress, resume, sample, train
+from t2tl_jax import LTLError, PPOConfig, Prompt, UserError, compile_tasks, load, parse, progress, resume, sample, train
 
 STORED = "results/paper/zone-dfa"
 SMALL = {"frames": 640, "seeds": 1}
@@ -27,6 +27,8 @@ SMALL = {"frames": 640, "seeds": 1}
         ({"run": None}, "run must be of type RunConfig, got None"),
         ({"random_starts": "x"}, "random_starts must be a number, got 'x'"),
         ({"callbacks": [print]}, "a callback is an object of a class that derives from t2tl_jax.Callback"),
+        ({"callbacks": print}, "callbacks must be of type list or tuple, got <built-in"),
+        ({"pretrained": 5}, "pretrained must be of type Result or str or PathLike, got 5"),
         ({"folder": 3}, "a folder is a path"),
         ({"framse": 3}, "no field 'framse'; did you mean 'frames'"),
     ],
@@ -101,6 +103,16 @@ def test_a_policy_refuses_observations_and_tasks_of_another_kind():
         policy(np.zeros(3), row)
     with pytest.raises(UserError, match=r"a task is a row of the table, by its number, or a formula .*, got 1\.5"):
         policy(np.zeros(size), 1.5)
+    for given in (99, -1):
+        with pytest.raises(UserError, match=f"the table has rows 0 to .*, got {given}"):
+            policy(np.zeros(size), given)
+    for given in (None, parse("F Red")):
+        with pytest.raises(UserError, match="a task is a row of the table"):
+            policy(np.zeros(size), given)
+    with pytest.raises(UserError, match="an observation is an array of numbers, got 'abc'"):
+        policy("abc", row)
+    with pytest.raises(UserError, match="an observation has"):
+        policy.decide((), np.zeros(3), row)
     assert policy(np.zeros(size), row).shape == policy(np.zeros((1, size)), np.array([row])).shape[1:]
 
 
@@ -110,11 +122,34 @@ def test_an_evaluation_has_episodes(episodes):
         load(STORED).evaluate(episodes=episodes)
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"episode_length": 0}, "episode_length must be at least 1, got 0"),
+        ({"task": 5}, "task must be of type str or TaskFamily or TaskTable, got 5"),
+        ({"task": parse("F Red")}, r"of a formula give the text, str\(formula\)"),
+        ({"env": 5}, "env must be of type LabelledEnv or None, got 5"),
+        ({"tasks": [5]}, "got 5|cannot read a new formula"),
+    ],
+)
+def test_an_evaluation_refuses_what_it_cannot_use(given, said):
+    with pytest.raises(UserError, match=said):
+        load(STORED).evaluate(**given)
+
+
+def test_runs_are_results_and_environments_are_objects():
+    with pytest.raises(UserError, match=r"result must be of type Result, got 'runs/x'; load\(folder\) gives"):
+        Prompt("runs/x")
+    with pytest.raises(UserError, match="env must be of type LabelledEnv or None, got 3"):
+        load(STORED, env=3)
+
+
 def test_a_resumed_run_does_not_take_back_what_it_did(finished, resume, capsys):
     """The folder stays as it is, to the byte."""
     before = {file: file.read_bytes() for file in finished.rglob("*") if file.is_file()}
     assert resume(finished, "--frames", "100") == 2
     assert "frames=100 is less than the 200 that every seed of" in capsys.readouterr().err
+    assert resume(finished, "--frames", "150") == 2  # of which as many iterations would be made
     assert {file: file.read_bytes() for file in finished.rglob("*") if file.is_file()} == before
     assert resume(finished, "--frames", "200") == 0
 
