@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from t2tl_jax.errors import UserError, explained
+from t2tl_jax.errors import UserError, check_type, explained
 from t2tl_jax.evaluation.animation import Recording, recorder
 from t2tl_jax.ltl import LTLSyntaxError, TaskTable, resolve_tasks
 from t2tl_jax.runs.any_task import check_reads_formulas, compile_formulas
@@ -34,7 +34,7 @@ class Played:
     compile_ms: float
     """From the text to the table on the device, milliseconds."""
     action_ms: float
-    """From the text to the first action, milliseconds."""
+    """From the text to the first action, milliseconds; where `is_new_shape`, with what its program took to compile."""
     is_new_shape: bool
     """Whether a program had to compile, since no formula before was as large."""
 
@@ -62,10 +62,11 @@ class Prompt:
         Raises:
             UserError: for a seed that is not there, or a network that cannot read formulas.
         """
+        check_type("result", result, Result, hint="; load(folder) gives that of a run on disk")
         check_reads_formulas(result.experiment)
         self._experiment = experiment = result.experiment
         index = result.index(seed)
-        length = result.config.episode_length if episode_length is None else episode_length
+        length = result.episode_length(episode_length)
         self._params = jax.device_put(seed_slice(result.params_of(which), index))
         every = experiment.env_params("evaluation")
         self._env_params = jax.device_put(replace(every, env=seed_slice(every.env, index)))
@@ -91,6 +92,9 @@ class Prompt:
 
     def play(self, task: str) -> Played:
         """Play one episode of a formula, or of a task by name; every call has a start of its own.
+
+        The first formula of a size waits for programs that compile, which `Played.action_ms` counts: the times of the
+        others are those without `Played.is_new_shape`.
 
         Raises:
             UserError: for a formula with mistakes, in one line.
