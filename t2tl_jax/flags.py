@@ -16,7 +16,9 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import tyro
 
-from t2tl_jax.errors import UserError, did_you_mean, unknown
+from t2tl_jax.errors import UserError, unknown
+from t2tl_jax.names import ALIKE, FEW, nearest
+from t2tl_jax.old_names import new_flag
 
 T = TypeVar("T")
 
@@ -110,40 +112,29 @@ def _refuse_unknown(arguments: Sequence[str], known: Sequence[str], first: str |
         raise UserError(f"--{first} is no option: give it by itself; see {prog} --help")
     wrong = [flag for flag in given if flag.replace("_", "-") not in known]
     if wrong:
-        lines = [f"unknown option {flag!r}{_meant(flag, known)}" for flag in wrong]
-        raise UserError("\n".join([*lines, f"All options: {prog} --help"]))
+        raise UserError("\n".join([*(_about(flag, known) for flag in wrong), f"All options: {prog} --help"]))
 
 
-RENAMED = {
-    "--ppo.clip": "--learner.clip-eps",
-    "--ppo.rollout-steps": "--learner.unroll-length",
-    "--dqn.steps-per-iteration": "--learner.unroll-length",
-    "--dqn.simultaneous": "--learner.counterfactual",
-    "--simultaneous": "--random-starts",
-    "--checkpoint": "--which",
-    "--network.one-hot-size": "--learner.network.task-encoder.size",
-}
-"""Flags of version 0.1, and what they are called now."""
+def _about(flag: str, known: Sequence[str]) -> str:
+    """What there is to say of a flag that does not exist: its name of today, one that may be meant, or all there are.
 
-MOVED = {
-    "--network.context.transformer.": "--learner.network.context.reader.",
-    "--network.transformer.": "--learner.network.task-encoder.",
-    "--network.rgcn.": "--learner.network.task-encoder.",
-    "--network.gru.": "--learner.network.task-encoder.",
-    "--network.": "--learner.network.",
-    "--ppo.": "--learner.",
-    "--dqn.": "--learner.",
-}
-"""How flags of version 0.1 began, and how they begin now; the first that fits counts."""
-
-
-def _meant(flag: str, known: Sequence[str]) -> str:
-    """What somebody may have meant by an unknown flag; '' if nothing is like it."""
-    plain = flag.replace("_", "-")
-    now = RENAMED.get(plain) or next(
-        (f"{there}{plain.removeprefix(old)}" for old, there in MOVED.items() if plain.startswith(old)), ""
-    )
-    return f"; since version 0.2 it is {now}" if now in known else did_you_mean(flag, known)
+    It is compared by what follows the part that it names (`--learner.`), in which all flags of the part are alike.
+    """
+    written = flag.replace("_", "-")
+    now = new_flag(written)
+    said = f"unknown option {flag!r}"
+    if now in known:
+        return f"{said}; since version 0.2 it is {now}"
+    name = now or written
+    part = name[: name.rfind(".") + 1] or "--"
+    beside = {other.removeprefix(part): other for other in known if other.startswith(part)}
+    choices = beside or {other: other for other in known}
+    close = nearest(name.removeprefix(part) if beside else name, choices, cutoff=ALIKE)
+    if close:
+        return f"{said}; did you mean {choices[close]!r}?"
+    if now and any(other.startswith(now.partition(".")[0]) for other in known):
+        return f"{said}; since version 0.2 it is {now}, which this configuration does not have"
+    return said + (f"; known: {', '.join(beside.values())}" if 0 < len(beside) <= FEW else "")
 
 
 def _grouped(arguments: Sequence[str], fields: Mapping[str, Any]) -> tuple[list[str], dict[str, list[str]]]:

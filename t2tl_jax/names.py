@@ -6,6 +6,9 @@ from collections.abc import Iterable
 ALIKE = 0.6
 """How like a name must be to be what was meant: below that the nearest one is a guess that misleads."""
 
+FEW = 12
+"""Where none is, so many known names are listed instead."""
+
 BEGINNING = 3
 """Letters that the beginning of a name has at least, to stand for it."""
 

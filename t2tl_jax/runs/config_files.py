@@ -5,6 +5,7 @@ Which dataclass an environment, a learner or a task encoder is, says its field `
 
 import json
 import operator
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -15,7 +16,7 @@ import cattrs
 from t2tl_jax.env import EnvConfig
 from t2tl_jax.errors import NotRegistered, UserError
 from t2tl_jax.ltl import TaskFamily
-from t2tl_jax.names import nearest
+from t2tl_jax.names import ALIKE, FEW, nearest
 from t2tl_jax.networks.state_encoder import StateEncoderConfig
 from t2tl_jax.networks.task_encoder import SequenceEncoderConfig, TaskEncoderConfig
 from t2tl_jax.registry import AGENTS, CONTEXT_READERS, ENVS, STATE_ENCODERS, TASK_ENCODERS, TASK_FAMILIES, Registry
@@ -151,12 +152,17 @@ def _number(value: Any, kind: type) -> float:
 def _explain(error: BaseException, kind: type | None) -> str:
     if isinstance(error, cattrs.ForbiddenExtraKeysError):
         known = [field.name for field in error.cl.__dataclass_fields__.values()]  # type: ignore[attr-defined]
-        return "; ".join(
-            f"unknown field {name!r}, nearest known {nearest(name, known)!r}" for name in sorted(error.extra_fields)
-        )
+        return "; ".join(_about_field(name, known) for name in sorted(error.extra_fields))
     if isinstance(error, ValueError | TypeError):
         return str(error)
     return cattrs.v.format_exception(error, kind)
+
+
+def _about_field(name: str, known: Sequence[str]) -> str:
+    """A field that does not exist, with one that may be meant, or all there are where they are few."""
+    if near := nearest(name, known, cutoff=ALIKE):
+        return f"unknown field {name!r}, nearest known {near!r}"
+    return f"unknown field {name!r}" + (f", known {', '.join(known)}" if len(known) <= FEW else "")
 
 
 def _readable(problem: str) -> str:

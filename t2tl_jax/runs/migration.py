@@ -2,19 +2,12 @@
 
 from typing import Any
 
+from t2tl_jax.old_names import ENCODERS, FIELDS, LEARNER_FIELDS
+
 VERSION = 3
 """Of the stored configuration. The first one had no number, a network beside the learner, and one field a learner. The
 second one had no `selection`, and its training state held the best parameters. Early ones of the third have no
 `map_period`."""
-
-RENAMED = {
-    "ppo": {"rollout_steps": "unroll_length", "clip": "clip_eps"},
-    "dqn": {"steps_per_iteration": "unroll_length", "simultaneous": "counterfactual"},
-}
-"""Fields of a learner whose names became the field's usual ones."""
-
-ENCODERS = ("transformer", "rgcn", "gru")
-"""Each had a field of its own beside the choice between them."""
 
 
 def migrated(data: Any) -> Any:
@@ -43,11 +36,10 @@ def _with_reader(data: Any, path: tuple[str, ...] = ("learner", "network", "cont
 
 def _from_first(data: dict[str, Any]) -> dict[str, Any]:
     data["env"] = {"kind": "zones", **data.get("env", {})}  # where no kind was named, the first one was meant
-    if "simultaneous" in data:
-        data["random_starts"] = data.pop("simultaneous")
-    learners = {kind: data.pop(kind, None) for kind in RENAMED}
+    data = {FIELDS.get(name, name): value for name, value in data.items()}
+    learners = {kind: data.pop(kind, None) for kind in LEARNER_FIELDS}
     kind = "dqn" if learners["dqn"] else "ppo"
-    learner = {RENAMED[kind].get(name, name): value for name, value in (learners[kind] or {}).items()}
+    learner = {LEARNER_FIELDS[kind].get(name, name): value for name, value in (learners[kind] or {}).items()}
     network = {name: value for name, value in data.pop("network", {}).items() if name != "kind"}
     reader = network.pop("task_encoder", "transformer")
     size = network.pop("one_hot_size", 16)

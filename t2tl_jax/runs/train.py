@@ -11,6 +11,7 @@ from t2tl_jax.env import EnvConfig, LabelledEnv
 from t2tl_jax.errors import Note, UserError, check_type, did_you_mean, explained
 from t2tl_jax.evaluation.report import Report
 from t2tl_jax.ltl import TaskFamily
+from t2tl_jax.old_names import FIELDS
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs import config_files, params_file, pretraining, sessions
 from t2tl_jax.runs import folder as run_folder
@@ -229,7 +230,13 @@ def _changed(config: Config, changes: dict[str, Any]) -> Config:
 
 def _check_fields(changes: dict[str, Any]) -> None:
     known = [field.name for field in fields(Config)]
-    wrong = [f"{name!r}{did_you_mean(name, known)}" for name in changes if name not in known]
+    wrong = [
+        f"{name!r}; since version 0.2 it is {FIELDS[name]!r}"
+        if name in FIELDS
+        else f"{name!r}{did_you_mean(name, known)}"
+        for name in changes
+        if name not in known
+    ]
     if wrong:
         raise UserError(f"a configuration has no field {', '.join(wrong)}")
     task = changes.get("task", "")

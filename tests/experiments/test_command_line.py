@@ -228,6 +228,26 @@ def test_misspelt_options_and_choices_are_answered_in_the_first_of_two_lines(fla
     assert second.startswith(("All options: python -m experiments.run", "Known: "))
 
 
+@pytest.mark.parametrize(
+    ("config", "flag", "said"),
+    [
+        ("zone_ppo", "--network.transformer.heads", "it is --learner.network.task-encoder.heads"),
+        ("zone_ppo", "--network.context.transformer.width", "it is --learner.network.context.reader.width"),
+        ("zone_ppo", "--network.context.lenght", "did you mean '--learner.network.context.length'?"),
+        ("zone_ppo", "--dqn.simultaneous", "it is --learner.counterfactual, which this configuration does not have"),
+        ("waterworld_dqn", "--dqn.simultaneous", "it is --learner.counterfactual"),
+        # Alike in the part, which says nothing.
+        ("zone_ppo", "--learner.zzz", "unknown option '--learner.zzz'"),
+        ("zone_ppo", "--selection.zzz", "option '--selection.zzz'; known: --selection.points, --selection.episodes"),
+        ("zone_ppo", "--lerner.gae-lambda", "did you mean '--learner.gae-lambda'?"),
+    ],
+)
+def test_options_of_then_and_far_away_ones(config, flag, said, capsys):
+    assert run.main(["--config", config, flag, "1", "--run.compilation-cache", ""]) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.endswith(said) and second.startswith("All options: ")
+
+
 def test_every_misspelt_option_is_answered(capsys):
     assert run.main(["--config", "zone_ppo", "--learner.clp-eps", "3", "--frame", "3", "--seeds", "1"]) == 2
     assert [line.split("'")[1::2] for line in capsys.readouterr().err.splitlines()[:2]] == [

@@ -30,6 +30,7 @@ SMALL = {"frames": 640, "seeds": 1}
         ({"callbacks": print}, "callbacks must be of type list or tuple, got <built-in"),
         ({"pretrained": 5}, "pretrained must be of type Result or str or PathLike, got 5"),
         ({"folder": 3}, "a folder is a path"),
+        ({"simultaneous": 0.5}, "no field 'simultaneous'; since version 0.2 it is 'random_starts'"),
         ({"framse": 3}, "no field 'framse'; did you mean 'frames'"),
     ],
 )
