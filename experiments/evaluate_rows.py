@@ -10,6 +10,8 @@ from t2tl_jax.runs import met
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.result import Result
 
+BEFORE = "What the pre-training of the task encoder met is not counted."
+
 Shares = dict[str, tuple[Share, Share]]
 """By task: in meaning, and under other names of propositions too."""
 
@@ -34,14 +36,18 @@ def rows_met(result: Result, trained: Config, tasks: Sequence[str], pools: int) 
     env = result.experiment.env
     found = {} if result.folder is None else stored(result.folder, tasks)
     notes = [f"From {counted_before.FILE}, which counts all pools of training: {_listed(found)}."] if found else []
-    if others := [task for task in tasks if task not in found]:
+    rest = [task for task in tasks if task not in found]
+    if machines := [task for task in rest if _formula(task) is None]:
+        notes.append(f"-: no formula, whose rows could be compared: {_listed(machines)}.")
+    if others := [task for task in rest if task not in machines]:
         if not met.can_be_compared(trained, env):
             notes.append("-: rows of reward machines, or of another progression, are not compared.")
         else:
             counted, note = _count(result, trained, others, pools)
             found |= counted
             notes += [note] if note else []
-    return RowsMet(found, [*notes, STRICT] if found else notes)
+    before = [BEFORE] if found and trained.pretrained else []
+    return RowsMet(found, [*notes, *before, STRICT] if found else notes)
 
 
 def stored(folder: Path, tasks: Sequence[str]) -> Shares:

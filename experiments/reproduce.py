@@ -100,10 +100,12 @@ def _main(texts: Sequence[str]) -> int:
         for written in report.write(ROOT):
             print(f"written: {written}")
         return 0
-    if arguments.minutes <= 0:
+    if not arguments.minutes > 0:
         raise UserError(f"--minutes must be positive, got {arguments.minutes:g}")
     if arguments.workers < 0:
         raise UserError(f"--workers must not be negative, got {arguments.workers}")
+    if arguments.keep and (arguments.workers or arguments.minutes != float("inf")):
+        raise UserError("--keep trains nothing: leave out --workers and --minutes")
     if arguments.keep and arguments.scale != "full":
         raise UserError("--keep needs --scale full: results of a smoke test are not kept in the repository")
     with explained():
@@ -119,7 +121,8 @@ def _main(texts: Sequence[str]) -> int:
     anew = not any(base.glob("*/status.json"))
     failed: list[str] = []
     if arguments.keep:
-        base.mkdir(parents=True, exist_ok=True)
+        if not base.is_dir():
+            raise UserError(f"--keep: there is no folder {base}, so there are no runs to be kept")
         print("nothing is trained; finished runs are kept")
     elif arguments.workers:
         jax.config.update("jax_platforms", "cpu")  # this process only waits, and then reads what there is
@@ -158,9 +161,12 @@ def _main(texts: Sequence[str]) -> int:
     print(shown.read_text(encoding="utf-8"))
     print(f"written: {shown}")
     if len(finished) < len(work.needed(runs, names)):
-        print(
-            f"{len(finished)} of {len(work.needed(runs, names))} runs are done; give the same command again to continue"
+        way_on = (
+            "without --keep the command trains the others"
+            if arguments.keep
+            else "give the same command again to continue"
         )
+        print(f"{len(finished)} of {len(work.needed(runs, names))} runs are done; {way_on}")
     elif anew and not failed:
         seconds = round(time.monotonic() - STARTED, 1)
         print(f"everything took {seconds:.0f} s, including the start of the program")

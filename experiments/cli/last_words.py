@@ -6,6 +6,7 @@ passes on what comes, and says in words what such an abort means. What Python pr
 """
 
 import ctypes
+import faulthandler
 import os
 import re
 import signal
@@ -34,7 +35,7 @@ _other: subprocess.Popen[bytes] | None = None
 def guard() -> None:
     """Lead what is written to the file descriptor of stderr through another process, until this one ends."""
     global _other
-    if _other is not None:
+    if _other is not None or sys.stderr is None:  # which is closed: there is nothing to lead anywhere
         return
     here = [sys.executable, "-I", "-S", __file__]
     _other = subprocess.Popen(here, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
@@ -44,8 +45,10 @@ def guard() -> None:
     os.dup2(_other.stdin.fileno(), 2)
     _other.stdin.close()
     threading.Thread(target=_end_if_lost, name="last words", daemon=True).start()
+    if faulthandler.is_enabled():  # whose own handler tells more
+        return
     # An abort then sleeps for as many seconds as SIGABRT's number, 6, in which the thread ends this process: without a
-    # core file of all its memory.
+    # core file of all its memory. A SIGABRT from outside is slept through; SIGTERM stops a run.
     library = ctypes.CDLL(None)
     library.signal.argtypes, library.signal.restype = (ctypes.c_int, ctypes.c_void_p), ctypes.c_void_p
     library.signal(signal.SIGABRT, ctypes.cast(library.sleep, ctypes.c_void_p))
@@ -82,6 +85,8 @@ def main() -> int:
     """Pass on what comes in until it ends. Signals are for the process that writes it."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
+    with suppress(OSError):
+        os.set_blocking(2, True)  # who writes too much for a pipe waits, and loses nothing
     text = b""
     for text in readable(sys.stdin.buffer):
         with suppress(OSError):  # nobody reads

@@ -34,7 +34,7 @@ def profiles(results: Path) -> str:
 def _profiled(stored: Mapping[str, Any]) -> str:
     peaks, settings = stored["peaks"], stored["settings"]
     said = f"""
-        `{shlex.join(stored["where"]["command"])}`: median shares of {settings["repeats"]} iterations under the
+        `{_command(stored)}`: median shares of {settings["repeats"]} iterations under the
         profiler, times of as many without it. The floor of a part is the greater of its arithmetic at
         {peaks["gigaflops"]:,.0f} GFLOP/s and of the bytes that go in and out at {peaks["gigabytes"]:,.0f} GB/s, which
         large products and copies reach on the same device."""
@@ -91,10 +91,16 @@ def gains(results: Path) -> str:
         said = f"""
             How many times as long the slower form takes, by its arithmetic and by the clock: medians of
             {stored["settings"]["repeats"]} pairs of calls within one process, the least and the most
-            (`{shlex.join(stored["where"]["command"])}`)."""
+            (`{_command(stored)}`)."""
         heading = ("step", "predicted", "measured")
         parts += [paragraph(said), table(heading, rows), origin([stored["where"]])]
     return "\n\n".join(parts)
+
+
+def _command(stored: Mapping[str, Any]) -> str:
+    """As it was typed, but for the folder of the file."""
+    words = stored["where"]["command"]
+    return shlex.join(f"results/{Path(word).name}" if word.endswith(".json") else word for word in words)
 
 
 def _ms(seconds: float) -> str:

@@ -118,6 +118,7 @@ def check_room(experiment: Experiment, program: Program, compiled: Any) -> None:
     what = "one seed needs" if program.count == 1 else f"{program.count:,} seeds side by side need"
     words = f"{what} {need / 2**30:,.2f} GiB of memory, and {where} {memory / 2**30:,.2f} GiB"
     way_out = f"smaller with {' or '.join(flags)}" if flags else "make the numbers of the learner smaller"
+    way_out += "; a run that is resumed keeps these, and needs more memory"
     if not on_cpu:
         raise UserError(f"{words}: {way_out}")
     warnings.warn(f"{words}: it may be ended for it, or be slow; {way_out}", Note, stacklevel=3)
@@ -132,7 +133,7 @@ def device_memory() -> int | None:
     """Bytes that one device has for programs; None if it does not say. On a CPU, its share of what is free."""
     device = one_device()
     if device.platform != "cpu":
-        return (device.memory_stats() or {}).get("bytes_limit")
+        return (device.memory_stats() or {}).get("bytes_limit") or None  # 0 is no limit
     try:
         with open("/proc/meminfo", encoding="utf-8") as file:
             sizes = dict(line.split(":", 1) for line in file)

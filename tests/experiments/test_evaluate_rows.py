@@ -106,3 +106,16 @@ def test_all_pools_give_what_is_stored():
     assert found is not None and (found.counted, found.drawn) == (12, 12)
     known = evaluate_rows.stored(ANY / "any-zones", tasks)
     assert {task: (one.exactly, one.renamed) for task, one in found.by_task.items()} == known
+
+
+def test_reward_machines_are_named_and_the_other_tasks_counted(no_drawing):
+    result, config = stored("any-zones")
+    rows = evaluate_rows.rows_met(result, config, ["g3", "rm_t1"], 2)
+    assert rows.cells("g3") == ("2/5", "3/5") and rows.cells("rm_t1") == ("-", "-")
+    assert "-: no formula, whose rows could be compared: rm_t1." in " ".join(rows.legend())
+
+
+@pytest.mark.parametrize(("name", "says"), [("any-zones", False), ("any-zones-gru", True)])
+def test_that_pretraining_is_not_counted_is_said(no_drawing, name, says):
+    legend = " ".join(evaluate_rows.rows_met(*stored(name), ["g3"], 0).legend())
+    assert (evaluate_rows.BEFORE in legend) == says

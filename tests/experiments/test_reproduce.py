@@ -365,8 +365,14 @@ def test_a_frozen_encoder_is_found_again_whatever_its_pretraining_is_called(runs
 
 def test_what_is_kept_is_finished_and_nothing_is_trained(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(work, "do_all", lambda *_: pytest.fail("it trains"))
-    assert reproduce.main(["--only", "representations", "--keep", "True", "--folder", str(tmp_path / "runs")]) == 0
-    assert "nothing is trained" in (said := capsys.readouterr().out) and "0 of 1 runs are done" in said
+    asked = ["--only", "representations", "--keep", "True", "--folder", str(tmp_path)]
+    assert reproduce.main(asked) == 2 and "there is no folder" in capsys.readouterr().err
+    assert not (tmp_path / "full").exists()
+    (tmp_path / "full").mkdir()
+    assert reproduce.main(asked) == 0
+    assert "nothing is trained" in (said := capsys.readouterr().out)
+    assert "0 of 1 runs are done; without --keep the command trains the others" in said
+    assert reproduce.main([*asked, "--workers", "2"]) == 2 and "leave out --workers" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -375,7 +381,7 @@ def test_the_command_lists_items_and_refuses_what_it_does_not_know(capsys):
     assert "steps-5-2-size-2.5-gnn" in capsys.readouterr().out
     assert reproduce.main(["--only", "fig-zne"]) == 2
     assert "fig-zone" in capsys.readouterr().err
-    assert reproduce.main(["--minutes", "0"]) == 2
+    assert reproduce.main(["--minutes", "0"]) == reproduce.main(["--minutes", "nan"]) == 2
     assert reproduce.main(["--seeds", "abc"]) == 2
     assert "a count such as 4" in capsys.readouterr().err
     assert reproduce.main(["--scale", "smoke", "--keep", "True"]) == 2

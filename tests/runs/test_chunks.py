@@ -1,5 +1,6 @@
 """Seeds that do not fit into memory together train in groups, and nothing else changes."""
 
+import warnings
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -92,7 +93,22 @@ def test_what_is_too_large_for_a_processor_is_told(monkeypatch):
         Note, match=r"one seed needs .* GiB of memory, and this machine has free .* GiB: it may be ended"
     ):
         chunks.check_room(experiment, program, Compiled(memory + 1))
-    chunks.check_room(experiment, program, Compiled(memory))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chunks.check_room(experiment, program, Compiled(memory))
+
+
+def test_the_devices_of_a_processor_share_the_memory_of_the_machine(monkeypatch):
+    """Two devices that need half of it each, and a byte more."""
+    monkeypatch.setattr(chunks, "device_memory", lambda: 2**30)
+    memory = 2**30 * jax.local_device_count()
+    shared = SimpleNamespace(count=2, sharding=SimpleNamespace(addressable_devices=range(2)))
+    experiment = SimpleNamespace(config=five_seeds())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chunks.check_room(experiment, shared, Compiled(memory // 2))
+    with pytest.warns(Note, match="2 seeds side by side need"):
+        chunks.check_room(experiment, shared, Compiled(memory // 2 + 1))
 
 
 @pytest.mark.slow

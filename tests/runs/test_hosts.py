@@ -7,6 +7,7 @@ import contextlib
 import shutil
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,15 +124,24 @@ def test_the_first_process_leaves_last(left, monkeypatch):
     monkeypatch.setattr(hosts.threading.Thread, "start", lambda thread: None)
     monkeypatch.setattr("t2tl_jax.training.hosts.count", lambda: 3)
     monkeypatch.setattr(hosts, "PATIENCE", 60.0)
-    for end in (
-        lambda watch: watch.fail(UserError("no such folder")),
-        lambda watch: watch._lost("2", "no sign of life"),
-    ):
-        store = Filling()
-        monkeypatch.setattr("t2tl_jax.training.hosts.store", lambda store=store: store)
-        with pytest.raises(Left):
-            end(hosts.Watch())
-        assert sum(name.startswith("t2tl_jax/left/") for name in store) == 2
+    store = Filling()
+    monkeypatch.setattr("t2tl_jax.training.hosts.store", lambda: store)
+    with pytest.raises(Left):
+        hosts.Watch().fail(UserError("no such folder"))
+    assert sum(name.startswith("t2tl_jax/left/") for name in store) == 2
+
+
+def test_a_process_that_is_lost_is_not_waited_for(left, monkeypatch):
+    """Process 1 leaves; process 2 cannot say so any more."""
+    store = Store({"t2tl_jax/left/1": ""})
+    monkeypatch.setattr(hosts.threading.Thread, "start", lambda thread: None)
+    monkeypatch.setattr("t2tl_jax.training.hosts.count", lambda: 3)
+    monkeypatch.setattr("t2tl_jax.training.hosts.store", lambda: store)
+    monkeypatch.setattr(hosts, "PATIENCE", 4.0)
+    began = time.monotonic()
+    with pytest.raises(Left):
+        hosts.Watch()._lost("2", "no sign of life")
+    assert time.monotonic() - began < 2.0
 
 
 @pytest.mark.parametrize(
