@@ -65,7 +65,7 @@ class Compiled:
             1,
             "one seed needs 3.00 GiB of memory, and its device has 2.00 GiB: smaller with --learner.num",
         ),
-        (DQNConfig(), 0, 1, "smaller with --learner.buffer-size or --learner.num-envs$"),
+        (DQNConfig(), 0, 1, "smaller with --learner.buffer-size or --learner.num-envs;"),
         (FakeConfig(), 0, 1, "2.00 GiB: make the numbers of the learner smaller"),
         (
             PPOConfig(),
