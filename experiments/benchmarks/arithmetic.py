@@ -9,7 +9,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +54,6 @@ def _main(texts: list[str]) -> int:
 
         from envs.straight_line import straight_line
         from envs.zones.point_mjx import MjxPoint
-        from t2tl_jax.runs import provenance
     plain = MjxPoint().mujoco_substep
     number = jax.ShapeDtypeStruct((), jax.numpy.float32)
     forms = {"MJX as it is": plain, "in a straight line": straight_line(plain, *[number] * 8)}
@@ -66,11 +65,7 @@ def _main(texts: list[str]) -> int:
     for part, rows in found.items():
         for name, row in rows.items():
             print(f"{part}, {name}: {row}")
-    if arguments.json is not None:
-        settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
-        where = provenance.describe(["python", "-m", "experiments.benchmarks.arithmetic", *texts])
-        json_file.write(arguments.json, {"where": where, "settings": settings, **found})
-        print(f"written: {arguments.json}")
+    json_file.store(arguments, "experiments.benchmarks.arithmetic", texts, **found)
     return 0
 
 

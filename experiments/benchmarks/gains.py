@@ -8,7 +8,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -18,7 +18,6 @@ from experiments.cli.errors import guarded
 from t2tl_jax import checks
 from t2tl_jax.errors import explained
 from t2tl_jax.flags import parse
-from t2tl_jax.quiet import quiet_imports
 
 
 @dataclass(frozen=True)
@@ -52,18 +51,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.gains", description=__doc__)
     json_file.check(arguments.json)
-    with quiet_imports():
-        from t2tl_jax.runs import provenance
     found = {}
     with explained():
         for name, forms in STEPS.items():
             found[name] = compare(*forms(), arguments.repeats)
             print(f"{name}: {found[name]}", flush=True)
-    if arguments.json is not None:
-        settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
-        where = provenance.describe(["python", "-m", "experiments.benchmarks.gains", *texts])
-        json_file.write(arguments.json, {"where": where, "settings": settings, "steps": found})
-        print(f"written: {arguments.json}")
+    json_file.store(arguments, "experiments.benchmarks.gains", texts, steps=found)
     return 0
 
 

@@ -4,6 +4,8 @@ Until then what is measured so far may stand in a file beside it, so that what i
 whole file of an earlier time in pieces.
 """
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -37,3 +39,26 @@ def write(file: Path, content: Any) -> None:
         write_json(file, content)
     except OSError as error:
         raise UserError(f"cannot write {file}: {error.strerror or error}") from error
+
+
+def store(arguments: Any, command: str, texts: Sequence[str], **found: Any) -> None:
+    """Write what was found, where and with which settings, to the file that the arguments' ``json`` names, if any.
+
+    Args:
+        arguments: the dataclass of the command.
+        command: its module, such as `experiments.benchmarks.tables`.
+        texts: what was typed behind it.
+        **found: what was measured, by name.
+
+    Raises:
+        UserError: if that fails.
+    """
+    from t2tl_jax.runs import provenance
+
+    if arguments.json is None:
+        return
+    settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
+    write(
+        arguments.json, {"where": provenance.describe(["python", "-m", command, *texts]), "settings": settings, **found}
+    )
+    print(f"written: {arguments.json}")

@@ -12,7 +12,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +67,6 @@ def _main(texts: list[str]) -> int:
     json_file.check(arguments.json)
     with quiet_imports():
         from experiments.benchmarks.trainings import training
-        from t2tl_jax.runs import provenance
     with explained():
         configs = {text: replace(training(text), seeds=str(arguments.seeds)) for text in arguments.trainings}
     peaks = speeds(arguments.repeats)
@@ -80,11 +79,7 @@ def _main(texts: list[str]) -> int:
             print(
                 f"  {name}: {part['share']:.1%}, {part['gigaflop']:.3f} GFLOP, {part['gigabytes']:.3f} GB", flush=True
             )
-    if arguments.json is not None:
-        settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
-        where = provenance.describe(["python", "-m", "experiments.benchmarks.profiles", *texts])
-        json_file.write(arguments.json, {"where": where, "settings": settings, "peaks": peaks, "profiles": found})
-        print(f"written: {arguments.json}")
+    json_file.store(arguments, "experiments.benchmarks.profiles", texts, peaks=peaks, profiles=found)
     return 0
 
 

@@ -6,7 +6,7 @@ same training is timed on tables of random formulas that differ in the number of
 
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -15,7 +15,6 @@ from experiments.cli.errors import guarded
 from t2tl_jax import checks
 from t2tl_jax.errors import explained
 from t2tl_jax.flags import parse
-from t2tl_jax.quiet import quiet_imports
 
 MinibatchesOf = Literal["steps", "environments"]
 
@@ -51,19 +50,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.tables", description=__doc__)
     json_file.check(arguments.json)
-    with quiet_imports():
-        from t2tl_jax.runs import provenance
     found = []
     with explained():
         for rows in arguments.rows:
             for kind in get_args(MinibatchesOf):
                 found.append({"rows": rows, "minibatches_of": kind} | measure(rows, kind, arguments))
                 print(found[-1], flush=True)
-    if arguments.json is not None:
-        settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
-        where = provenance.describe(["python", "-m", "experiments.benchmarks.tables", *texts])
-        json_file.write(arguments.json, {"where": where, "settings": settings, "results": found})
-        print(f"written: {arguments.json}")
+    json_file.store(arguments, "experiments.benchmarks.tables", texts, results=found)
     return 0
 
 

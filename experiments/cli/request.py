@@ -16,7 +16,7 @@ from experiments.methods import METHODS, apply
 from t2tl_jax.errors import Note, UserError, explained, unknown
 from t2tl_jax.flags import HELP, parse
 from t2tl_jax.ltl import TaskFamily, named_families
-from t2tl_jax.names import nearest
+from t2tl_jax.names import ALIKE, nearest
 from t2tl_jax.registry import configs, named_config
 from t2tl_jax.runs import config_files, machine_files
 from t2tl_jax.runs.config import Config, RunConfig
@@ -114,7 +114,7 @@ def read(arguments: Sequence[str], prefix: str = "") -> Request:
         raise UserError("--resume continues a run with its own configuration; leave --config and --method out")
     if known.config is None and known.resume is None and not (known.list or asked.helping):
         word = rest[0] if rest and not rest[0].startswith("-") else ""
-        if close := word if word and _is_file(word) else nearest(word, names(prefix), cutoff=0.6):
+        if close := word if word and _is_file(word) else nearest(word, names(prefix), cutoff=ALIKE):
             raise UserError(f"every option begins with --, got {word!r}; did you mean --config {close}?")
         raise UserError(
             f"choose a configuration with --config NAME ({', '.join(names(prefix))}) or --config FILE.json, or a run "
