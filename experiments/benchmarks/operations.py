@@ -12,22 +12,10 @@ from typing import Any
 
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
 
-FREE = frozenset(
-    (
-        *(
-            "broadcast_in_dim",
-            "reshape",
-            "squeeze",
-            "transpose",
-            "slice",
-            "concatenate",
-            "convert_element_type",
-            "copy",
-        ),
-        *("iota", "stop_gradient", "dynamic_slice", "dynamic_update_slice", "gather", "scatter", "select_n", "pad"),
-        *("rev", "split", "device_put", "random_wrap", "random_unwrap", "sharding_constraint", "expand_dims"),
-    )
-)
+SHAPED = ("broadcast_in_dim", "reshape", "squeeze", "expand_dims", "transpose", "rev", "concatenate", "split", "pad")
+PLACED = ("slice", "dynamic_slice", "dynamic_update_slice", "gather", "scatter", "select_n")
+COPIED = ("copy", "convert_element_type", "stop_gradient", "device_put", "sharding_constraint", "iota")
+FREE = frozenset((*SHAPED, *PLACED, *COPIED, "random_wrap", "random_unwrap"))
 """Operations that move numbers, and compute none."""
 
 READ_AT = frozenset(("gather", "dynamic_slice"))
