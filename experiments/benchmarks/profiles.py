@@ -3,6 +3,9 @@
 The whole compiled iteration of a training runs under JAX's profiler, once it is warm. Each operation's time belongs to
 the part whose named scope it was written in. Beside it stand the arithmetic and the bytes of that part, counted in the
 traced program, and what these would take at the speeds of large products and copies on the same device.
+
+On a GPU it runs under the profiler without command buffers, whose kernels do not say which operation they belong to.
+The iterations that are timed have them, as a run has.
 """
 
 import re
@@ -31,6 +34,12 @@ HANDED_ON = frozenset(("parameter", "get-tuple-element", "tuple", "constant"))
 
 INSTRUCTION = re.compile(r"%?([\w.-]+) = .*?[\])}] ([\w-]+)\(([^)]*)\)")
 OPERAND = re.compile(r"%([\w.-]+)")
+NOT_IN_KERNELS = re.compile(r"[.-]")
+"""Characters of an operation's name that are underscores in the name of its kernel."""
+
+ONE_BY_ONE = {"xla_gpu_enable_command_buffer": ""}
+"""Options of a compiler for GPUs: every kernel is launched by itself."""
+
 SCOPES = re.compile(r'op_name="([^"]*)"')
 
 
@@ -100,6 +109,8 @@ def speeds(repeats: int) -> dict[str, float]:
 
 def profile(config: Any, repeats: int) -> dict[str, Any]:
     """Seconds of an iteration of all seeds, and of each part its share of the time and its least work."""
+    import jax
+
     from experiments.benchmarks.parts import NAMES, part_of
     from t2tl_jax.runs.experiment import build
 
@@ -109,8 +120,6 @@ def profile(config: Any, repeats: int) -> dict[str, Any]:
     state = program.lowered_init.compile()(program.keys, program.env_params)
 
     def once() -> float:
-        import jax
-
         nonlocal state
         started = time.perf_counter()
         state, metrics = iterate(state, program.env_params)
@@ -120,7 +129,12 @@ def profile(config: Any, repeats: int) -> dict[str, Any]:
     for _ in range(_until_learning(config)):
         once()
     seconds = [once() for _ in range(repeats)]
-    shares = [shared_out(traced(once), iterate.as_text(), part_of) for _ in range(repeats)]
+    if jax.default_backend() == "gpu":
+        iterate = program.lowered_iterate.compile(compiler_options=ONE_BY_ONE)
+        once()
+    spent = [traced(once) for _ in range(repeats)]
+    text = iterate.as_text()
+    shares = [shared_out(one.operations, text, part_of) for one in spent]
     work, seeds = least_work(experiment, part_of), len(experiment.seeds)
     named = [name for name in NAMES if name in work or any(name in one for one in shares)]
     return {
@@ -129,6 +143,8 @@ def profile(config: Any, repeats: int) -> dict[str, Any]:
         "slowest": max(seconds),
         "frames": experiment.agent.frames_per_iteration * seeds,
         "seeds": seeds,
+        "kernels": None if spent[0].kernels is None else statistics.median([one.kernels or 0.0 for one in spent]),
+        "without_a_part": statistics.median([unknown(one, text) for one in spent]),
         "parts": {
             name: {
                 "share": statistics.median([one.get(name, 0.0) for one in shares]),
@@ -146,8 +162,19 @@ def _until_learning(config: Any) -> int:
     return 1 + -(-starts // each)
 
 
-def traced(call: Callable[[], Any]) -> Counter[str]:
-    """Seconds of every operation of the compiled program that one call ran, summed over threads."""
+@dataclass(frozen=True)
+class Spent:
+    """What one call of a compiled program spent."""
+
+    operations: Mapping[str, float]
+    """Seconds of every operation, or of a kernel that names none, summed over threads or streams. On a CPU other events
+    of the host are among them."""
+    kernels: float | None
+    """Seconds of all kernels; None on a CPU."""
+
+
+def traced(call: Callable[[], Any]) -> Spent:
+    """What one call spent, by JAX's profiler."""
     import jax
 
     with tempfile.TemporaryDirectory() as folder:
@@ -156,24 +183,36 @@ def traced(call: Callable[[], Any]) -> Counter[str]:
         files = list(Path(folder).rglob("*.xplane.pb"))
         if not files:
             raise UserError("JAX's profiler wrote nothing; is another profiler running?")
-        data = jax.profiler.ProfileData.from_file(str(files[0]))
+        planes = list(jax.profiler.ProfileData.from_file(str(files[0])).planes)
+    devices = [plane for plane in planes if plane.name.startswith("/device:GPU")]
     spent: Counter[str] = Counter()
-    for plane in data.planes:
+    for plane in devices or planes:
         for line in plane.lines:
             for event in line.events:
-                operation = dict(event.stats).get("hlo_op") if plane.name.startswith("/device") else event.name
-                if operation:
-                    spent[str(operation)] += event.duration_ns / 1e9
-    return spent
+                operation = dict(event.stats).get("hlo_op") if devices else None
+                spent[str(operation or event.name)] += event.duration_ns / 1e9
+    return Spent(spent, sum(spent.values()) if devices else None)
 
 
 def shared_out(spent: Mapping[str, float], text: str, part_of: Callable[[str], str]) -> dict[str, float]:
     """The share of every part in the time of all operations of a compiled program, whose text is given."""
     by_part: dict[str, float] = {}
     for name, path in leaves(text).items():
-        by_part[part_of(path)] = by_part.get(part_of(path), 0.0) + spent.get(name, 0.0)
+        by_part[part_of(path)] = by_part.get(part_of(path), 0.0) + _seconds(spent, name)
     total = sum(by_part.values())
     return {name: seconds / total for name, seconds in by_part.items() if seconds} if total else {}
+
+
+def unknown(spent: Spent, text: str) -> float:
+    """The share of the kernels' time that belongs to no operation of the compiled program; 0 on a CPU."""
+    known = sum(_seconds(spent.operations, name) for name in leaves(text))
+    return 1 - known / spent.kernels if spent.kernels else 0.0
+
+
+def _seconds(spent: Mapping[str, float], name: str) -> float:
+    """Of an operation, by its own name or by its kernel's."""
+    kernel = NOT_IN_KERNELS.sub("_", name)
+    return spent.get(name, 0.0) + (spent.get(kernel, 0.0) if kernel != name else 0.0)
 
 
 def leaves(text: str) -> dict[str, str]:

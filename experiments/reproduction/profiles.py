@@ -44,10 +44,21 @@ def _profiled(stored: Mapping[str, Any]) -> str:
         seeds = f"{of['seeds']} seed{'s' * (of['seeds'] > 1)}"
         parts += [
             f"`{name}`, {seeds}: {of['frames']:,} frames in {_ms(of['seconds'])} ({_ms(of['fastest'])} to "
-            f"{_ms(of['slowest'])}), {rate:,.0f} frames/s.",
+            f"{_ms(of['slowest'])}), {rate:,.0f} frames/s.{_kernels(of)}",
             _table(of, peaks),
         ]
     return "\n\n".join([*parts, origin([stored["where"]])])
+
+
+def _kernels(of: Mapping[str, Any]) -> str:
+    """How long a GPU was at work, and how much of that is in the table; '' for a CPU."""
+    if of.get("kernels") is None:
+        return ""
+    without = "" if of["without_a_part"] < SEEN else f", of which {of['without_a_part']:.1%} are of no known operation"
+    return (
+        f" Kernels that are launched one by one, as they are under the profiler, are at work for "
+        f"{_ms(of['kernels'])}{without}."
+    )
 
 
 def _table(of: Mapping[str, Any], peaks: Mapping[str, float]) -> str:

@@ -1,0 +1,117 @@
+"""How long a training takes to start, for the first time and once more: ``python -m experiments.benchmarks.starts``.
+
+Each start is a process of its own, from its beginning until the first iteration is done. The first finds no compiled
+programs, the second those that the first left on disk, as runs leave them to later ones. Pre-training does not count.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from experiments.benchmarks import json_file
+from experiments.cli.errors import guarded
+from t2tl_jax import checks
+from t2tl_jax.errors import UserError, explained
+from t2tl_jax.flags import parse
+from t2tl_jax.quiet import quiet_imports
+
+STARTED = time.perf_counter()
+WHICH = ("first", "second")
+"""The starts."""
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Start trainings twice, each time in a process of its own."""
+
+    trainings: tuple[str, ...] = ("zone_ppo_long:t1tl", "zone_ppo_long:t2tl")
+    """Trainings as CONFIG, CONFIG:METHOD, CONFIG:METHOD:PHYSICS or CONFIG:METHOD:PHYSICS:ENVIRONMENTS."""
+    seeds: int = 12
+    """How many seeds at once."""
+    here: bool = False
+    """Start the first training once, in this process, with compiled programs in JAX_COMPILATION_CACHE_DIR, and print
+    JSON: this is what the processes do."""
+    json: Path | None = None
+    """Also write the results to this file."""
+
+    def __post_init__(self) -> None:
+        checks.counts(self, "seeds")
+        if not self.trainings:
+            raise ValueError("trainings needs one training or more")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 2 for input that cannot be used."""
+    return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def _main(texts: list[str]) -> int:
+    arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.starts", description=__doc__)
+    json_file.check(arguments.json)
+    with quiet_imports():
+        from experiments.benchmarks.trainings import training
+    with explained():
+        configs = {text: replace(training(text), seeds=str(arguments.seeds)) for text in arguments.trainings}
+    if arguments.here:
+        print(json.dumps(start(configs[arguments.trainings[0]])))
+        return 0
+    found: dict[str, dict[str, Any]] = {}
+    for text in configs:
+        found[text] = {}
+        with tempfile.TemporaryDirectory() as folder:
+            for which in WHICH:
+                found[text][which] = in_a_process(text, arguments.seeds, folder)
+                print(f"{text}, {which} start: {_said(found[text][which])}", flush=True)
+    json_file.store(arguments, "experiments.benchmarks.starts", texts, starts=found)
+    return 0
+
+
+def _said(one: dict[str, float]) -> str:
+    return ", ".join(f"{name} {seconds:.1f} s" for name, seconds in one.items())
+
+
+def in_a_process(text: str, seeds: int, folder: str) -> dict[str, float]:
+    """Start a training in a new process, whose compiled programs lie in a folder; `start`, and ``process``, the seconds
+    of the whole process.
+
+    Raises:
+        UserError: if the process fails; its output is in the message.
+    """
+    command = [sys.executable, "-m", "experiments.benchmarks.starts", "--here", "True"]
+    begin = time.perf_counter()
+    done = subprocess.run(
+        [*command, "--trainings", text, "--seeds", str(seeds)],
+        env=os.environ | {"JAX_COMPILATION_CACHE_DIR": folder},
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode:
+        raise UserError(f"{text}: a process that should start it ended with {done.returncode}: {done.stderr[-2000:]}")
+    return json.loads(done.stdout.splitlines()[-1]) | {"process": time.perf_counter() - begin}
+
+
+def start(config: Any) -> dict[str, float]:
+    """Build, compile and run one iteration of a training, as a run does; seconds since this module was loaded until it
+    was traced (``traced``), of compiling, and until the iteration was done (``done``)."""
+    import jax
+
+    from t2tl_jax.runs.compilation import Compilation
+    from t2tl_jax.runs.experiment import build
+
+    program = build(config).program
+    traced = time.perf_counter() - STARTED
+    compiled = Compilation(program, fresh=True).result()
+    state = compiled.init(program.keys, program.env_params)
+    jax.block_until_ready(compiled.iterate(state, program.env_params))
+    return {"traced": traced, "compiling": compiled.seconds, "done": time.perf_counter() - STARTED}
+
+
+if __name__ == "__main__":
+    sys.exit(main())
