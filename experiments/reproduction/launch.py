@@ -37,23 +37,32 @@ def visible_gpus(environment: Mapping[str, str] = os.environ) -> list[str]:
     return [name.strip() for name in environment["CUDA_VISIBLE_DEVICES"].split(",") if name.strip()] if present else []
 
 
-def worker_environments(workers: int, gpus: Sequence[str]) -> dict[str, dict[str, str]]:
+def worker_environments(workers: int, gpus: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """What each worker's environment adds to that of this process, by the worker's name.
 
     Args:
         workers: how many for each GPU, or in all where there is none.
-        gpus: as `visible_gpus` gives them.
+        gpus: their UUIDs by the names that `visible_gpus` gives. Under MPS a number would count only the GPUs that the
+            service has, so that number 1 of a service for GPU 1 alone is none.
     """
     if not gpus:
         return {f"cpu-{i}": {} for i in range(workers)}
-    shared = {"XLA_PYTHON_CLIENT_PREALLOCATE": "false"}  # the first one would take most of the memory
+    shared = {
+        "XLA_PYTHON_CLIENT_PREALLOCATE": "false",  # the first one would take most of the memory
+        "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS") or "cuda,cpu",  # a worker without its GPU fails at once
+    }
     # The first workers of all GPUs come before the second ones, so that the longest runs spread over the GPUs.
-    return {f"gpu-{gpu}-{i}": {"CUDA_VISIBLE_DEVICES": gpu, **shared} for i in range(workers) for gpu in gpus}
+    return {
+        f"gpu-{name}-{i}": {"CUDA_VISIBLE_DEVICES": uuid, **shared}
+        for i in range(workers)
+        for name, uuid in gpus.items()
+    }
 
 
 @contextmanager
-def multi_process_service(wanted: bool) -> Iterator[dict[str, str]]:
-    """NVIDIA's MPS for as long as the block lasts, if it is there and none runs; yields what clients need of it."""
+def multi_process_service(wanted: bool, gpus: Sequence[str]) -> Iterator[dict[str, str]]:
+    """NVIDIA's MPS for some GPUs for as long as the block lasts, if it is there and none runs; yields what clients need
+    of it."""
     control = shutil.which("nvidia-cuda-mps-control")
     if not wanted or control is None or "CUDA_MPS_PIPE_DIRECTORY" in os.environ:
         yield {}
@@ -62,7 +71,7 @@ def multi_process_service(wanted: bool) -> Iterator[dict[str, str]]:
         places = {"CUDA_MPS_PIPE_DIRECTORY": f"{folder}/pipe", "CUDA_MPS_LOG_DIRECTORY": f"{folder}/log"}
         for place in places.values():
             Path(place).mkdir()
-        environment = os.environ | places
+        environment = os.environ | places | {"CUDA_VISIBLE_DEVICES": ",".join(gpus)}
         if subprocess.run([control, "-d"], env=environment).returncode:
             print("MPS does not start; the processes of a GPU take turns instead")
             yield {}
@@ -141,9 +150,10 @@ def launch_workers(
         progress: as for `launch`.
         stop: whether the user wants to stop.
     """
-    gpus = visible_gpus()
+    uuids = gpu_uuids()
+    gpus = {name: uuids.get(name, name) for name in visible_gpus()}
     command = [sys.executable, "-m", "experiments.reproduce", *arguments]
-    with multi_process_service(workers > 1 and bool(gpus)) as clients:
+    with multi_process_service(workers > 1 and bool(gpus), list(gpus.values())) as clients:
         environments = {name: {**own, **clients} for name, own in worker_environments(workers, gpus).items()}
         print(f"{len(environments)} processes on {len(gpus) or 'no'} GPUs; what they print: {logs}")
         return launch(command, environments, logs, progress, lambda: stop.requested)

@@ -7,6 +7,7 @@ import time
 import pytest
 
 from experiments.reproduction import launch
+from t2tl_jax.runs.interrupts import StopRequest
 
 NOTHING = {"a": {"NAME": "a"}, "b": {"NAME": "b"}}
 
@@ -27,12 +28,14 @@ def run(command, tmp_path, environments=NOTHING, progress=lambda: "", stopped=la
     return failed, said
 
 
-def test_every_worker_sees_its_gpu_and_takes_memory_as_it_needs_it():
-    given = launch.worker_environments(2, ["0", "GPU-5"])
+def test_every_worker_sees_its_gpu_and_takes_memory_as_it_needs_it(monkeypatch):
+    monkeypatch.delenv("JAX_PLATFORMS", raising=False)
+    given = launch.worker_environments(2, {"0": "GPU-a", "GPU-5": "GPU-5"})
     assert list(given) == ["gpu-0-0", "gpu-GPU-5-0", "gpu-0-1", "gpu-GPU-5-1"]
-    assert [extra["CUDA_VISIBLE_DEVICES"] for extra in given.values()] == ["0", "GPU-5"] * 2
+    assert [extra["CUDA_VISIBLE_DEVICES"] for extra in given.values()] == ["GPU-a", "GPU-5"] * 2
     assert {extra["XLA_PYTHON_CLIENT_PREALLOCATE"] for extra in given.values()} == {"false"}
-    assert launch.worker_environments(2, []) == {"cpu-0": {}, "cpu-1": {}}
+    assert {extra["JAX_PLATFORMS"] for extra in given.values()} == {"cuda,cpu"}
+    assert launch.worker_environments(2, {}) == {"cpu-0": {}, "cpu-1": {}}
 
 
 @pytest.mark.parametrize(
@@ -110,7 +113,8 @@ def control(tmp_path, monkeypatch):
     """A program in the place of MPS's that writes down what it is told."""
     program, log = tmp_path / "bin" / "nvidia-cuda-mps-control", tmp_path / "told"
     program.parent.mkdir()
-    program.write_text(f'#!/bin/sh\necho "$@ $CUDA_MPS_PIPE_DIRECTORY" >> {log}\n[ "$1" = -d ] || cat >> {log}\n')
+    told = f'echo "$@ $CUDA_MPS_PIPE_DIRECTORY $CUDA_VISIBLE_DEVICES" >> {log}'
+    program.write_text(f'#!/bin/sh\n{told}\n[ "$1" = -d ] || cat >> {log}\n')
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
     monkeypatch.delenv("CUDA_MPS_PIPE_DIRECTORY", raising=False)
@@ -118,16 +122,26 @@ def control(tmp_path, monkeypatch):
 
 
 def test_the_service_runs_while_it_is_needed(control):
-    with launch.multi_process_service(wanted=True) as clients:
+    with launch.multi_process_service(True, ["GPU-a", "GPU-c"]) as clients:
         pipe = clients["CUDA_MPS_PIPE_DIRECTORY"]
-        assert os.path.isdir(pipe) and control.read_text() == f"-d {pipe}\n"
+        assert os.path.isdir(pipe) and control.read_text() == f"-d {pipe} GPU-a,GPU-c\n"
     assert control.read_text().endswith("quit\n") and not os.path.exists(pipe)
 
 
+def test_the_service_and_its_workers_name_the_same_gpu(control, tmp_path, monkeypatch):
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
+    monkeypatch.setattr(launch, "gpu_uuids", lambda: {"0": "GPU-a", "1": "GPU-b"})
+    given = {}
+    monkeypatch.setattr(launch, "launch", lambda command, environments, *rest: given.update(environments) or [])
+    launch.launch_workers(2, [], tmp_path, lambda: "", StopRequest())
+    assert control.read_text().splitlines()[0].endswith(" GPU-b")
+    assert {own["CUDA_VISIBLE_DEVICES"] for own in given.values()} == {"GPU-b"} and len(given) == 2
+
+
 def test_a_service_that_runs_already_or_is_not_wanted_is_left_alone(control, monkeypatch):
-    with launch.multi_process_service(wanted=False) as clients:
+    with launch.multi_process_service(False, ["GPU-a"]) as clients:
         assert clients == {}
     monkeypatch.setenv("CUDA_MPS_PIPE_DIRECTORY", "/somewhere")
-    with launch.multi_process_service(wanted=True) as clients:
+    with launch.multi_process_service(True, ["GPU-a"]) as clients:
         assert clients == {}
     assert not control.exists()
