@@ -19,7 +19,10 @@ WORDS = {"low": "a third of it", SHARED: "the shared one", "high": "three times 
 SEEDS = ",".join(str(FIRST_TUNING_SEED + k) for k in range(4))
 """Of the search; in WaterWorld they are its maps."""
 
-OWN_RATE: Mapping[str, Mapping[str, str]] = {}
+OWN_RATE: Mapping[str, Mapping[str, str]] = {
+    "zone": {"gnn": "high", "dfa": "high", "dfa_cont": "high"},
+    "water": {"dfa_cont": "low"},
+}
 """By world whose search is stored in full, the methods for which another rate than the shared one is best, and which of
 `RATES` that is: ``{"zone": {"gnn": "high"}, "water": {}}``. `tests/experiments/test_rates.py` compares it with what is
 stored."""
