@@ -7,6 +7,7 @@ from experiments.reproduction import runs as named
 from experiments.reproduction.anytask.items import ANY_ITEMS, GROUP
 from experiments.reproduction.plan import Item
 from experiments.reproduction.sections import (
+    again,
     attention,
     benchmark,
     chance,
@@ -64,6 +65,12 @@ PAPER_ITEMS: dict[str, Item] = {
         "WaterWorld, `phi_water`: six methods",
         _names("water-{}", (*named.WATER_METHODS, "rm-6")),
         figures.water_figure,
+    ),
+    "water-again": Item(
+        "WaterWorld, `phi_water`: the same trainings once more",
+        again.RUNS,
+        again.once_more,
+        smoke=("water-rm", named.again_name("water-rm")),
     ),
     "search": Item(
         settings.SEARCH_TITLE,

@@ -57,6 +57,12 @@ SOONER = ("", "-per-16", "-short-exploration")
 
 BEGINNING = tuple(f"water-{name}{how}" for name in ("t1tl", "rm") for how in SOONER)
 
+
+def again_name(name: str) -> str:
+    """Name of a main run made once more."""
+    return f"{name}-again"
+
+
 AGENTS = (
     *(f"zone-{method}" for method in ZONE_METHODS),
     *(f"water-{method}" for method in WATER_METHODS),
@@ -185,7 +191,7 @@ def _water(runs: dict[str, Run]) -> dict[str, Run]:
     for method in WATER_METHODS:
         config = apply(base, method)
         before = _pretraining(new, "water", config)
-        new[f"water-{method}"] = Run(config, before)
+        new[f"water-{method}"] = new[again_name(f"water-{method}")] = Run(config, before)
         alone = None if before is None else _alone(new, before)
         new[f"water-{method}-alone"] = _timed(config, alone)
     return new
