@@ -37,8 +37,9 @@ class Arguments:
     """Items, or single runs of them, separated by commas: 'paper' for all items of the paper, 'any' for all items on
     agents for any task. By default both; --list True shows them."""
     scale: Literal["smoke", "full"] = "full"
-    """full: 12 seeds (unless a run says otherwise) and the paper's budgets, for GPUs. smoke: every item with tiny
-    networks and budgets on a CPU, to check that everything runs; its figures mean nothing, and say so."""
+    """full: 12 seeds (unless a run says otherwise) and the paper's budgets where it gives one, for GPUs. smoke: every
+    item with tiny networks and budgets on a CPU, to check that everything runs; its figures mean nothing, and say
+    so."""
     seeds: str = "12"
     """How many seeds each run has, or which. They count from 24 in ZoneEnv, where some settings were chosen on 0 to 11,
     and from 0 in WaterWorld, where they are the maps; a list such as 0,3,7 applies to all runs."""
@@ -156,8 +157,11 @@ def _main(texts: Sequence[str]) -> int:
         for name, run in stored.load(base).items()
         if name in work.needed(runs, names) and work.is_done(runs[name], scale, base / name)
     }
-    shown = base / "results.md"
-    shown.write_text(page(items, finished, smoke=arguments.scale == "smoke"), encoding="utf-8")
+    shown, drawn = base / "results.md", report.drawings(finished, {}, finished)
+    for picture in (one for name in items for one in drawn.get(name, [])):
+        picture.draw(base / picture.file)
+    text = page(items, finished, smoke=arguments.scale == "smoke", pictures=report.shown_by(drawn))
+    shown.write_text(text, encoding="utf-8")
     print(shown.read_text(encoding="utf-8"))
     print(f"written: {shown}")
     if len(finished) < len(work.needed(runs, names)):

@@ -42,7 +42,7 @@ def write(
         seeds: their numbers.
         iterations: how many.
         frames: of one iteration.
-        evaluated: by time limit, the figures of the sampled policy: one value for all seeds, or one each.
+        evaluated: by time limit, the figures of both policies: one value for all seeds, or one each.
         status: more of status.json.
         curves: columns of the metrics, each float or float[seeds] or float[seeds, iterations].
     """
@@ -59,7 +59,7 @@ def write(
     entries = [
         {
             "settings": {"checkpoint": which, "episode_length": limit},
-            "policies": {"sampled": {"seeds": _of_seeds(seeds, figures)}},
+            "policies": {policy: {"seeds": _of_seeds(seeds, figures)} for policy in ("sampled", "deterministic")},
         }
         for limit, figures in (evaluated or {}).items()
         for which in ("final", "best")

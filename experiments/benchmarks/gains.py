@@ -158,6 +158,17 @@ def next_state() -> tuple[Form, Form]:
     return gradient(True), gradient(False)
 
 
+def guard() -> tuple[Form, Form]:
+    """An iteration of T1TL that freezes seeds whose numbers are not finite, and one that does not: what that costs."""
+    from experiments.benchmarks.trainings import training
+    from t2tl_jax.runs import experiment
+
+    config = replace(training("zone_ppo:t1tl:closed_form"), seeds="1")
+    with patch.object(experiment, "watched", lambda agent: agent):
+        without = _iteration(config)
+    return _iteration(config), without
+
+
 def _iteration(config: Any) -> Form:
     import jax
 
@@ -185,6 +196,7 @@ STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "segments": segments,
     "next_values": next_values,
     "next_state": next_state,
+    "guard": guard,
 }
 """Both forms of each step, the slow one first."""
 

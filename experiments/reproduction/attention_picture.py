@@ -12,15 +12,13 @@ from matplotlib.figure import Figure
 
 from experiments.paper import published_attention
 from experiments.reproduction.pictures import KEYWORD
-from experiments.reproduction.sections.attention import RUNS, STAGES
+from experiments.reproduction.sections.attention import RUNS, STAGES, TITLES
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.work import READING
 from t2tl_jax.evaluation.statistics import Estimate
 from t2tl_jax.runs.folder import read_json
 
 PUBLISHED = "published, one agent"
-
-TITLES = {"prime-fresh": "from a fresh encoder", "prime-own": "from a pre-trained encoder"}
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from PIL import Image
 from experiments.paper import published_water, published_widths
 from experiments.paper.published_water import EPISODES, PHI_WATER
 from experiments.reproduction import runs as named
-from experiments.reproduction.sections import benchmark, widths
+from experiments.reproduction.sections import attention, benchmark, widths
 from experiments.reproduction.sections.figures import ZONE_LABELS, ZONE_PUBLISHED
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import returns_at
@@ -115,10 +115,24 @@ def pictures(paper: Mapping[str, Stored], short: Mapping[str, Stored]) -> dict[s
             (*_benchmark(paper), *_published(_SCORES, published_water.STEPS)),
             *("environment steps", "normalised score"),
         ),
+        "benchmark/single": Picture(
+            "rm_benchmark_single.png",
+            "Share of the last 100 training episodes of the single task that pay 1, with 95 % t intervals, "
+            "which can pass 1. Dashed: published, on the same maps.",
+            (*_single(paper), *_published(_PAID, published_water.SINGLE_STEPS)),
+            *("environment steps", "share of episodes that pay 1"),
+        ),
+        "attention/change": Picture(
+            "phi_zone_prime_projections.png",
+            "How far training moved the out-projections of each layer of the task's Transformer on phi_zone_prime, "
+            "relative to their size at the start: means over seeds with 95 % intervals.",
+            tuple(_moved(paper)),
+            *("layer", "change of the out-projection, relative"),
+        ),
         "short": Picture(
             "zone_short_curves.png",
             f"Discounted return of the short schedule, beside the published curves. {published}",
-            (*_by_frames({name: short[name] for name in ("t2tl", "t1tl")}), *_published_zone()),
+            (*_by_frames({name: short[name] for name in ("t2tl", "t1tl") if name in short}), *_published_zone()),
             *("frames per seed", "discounted return"),
         ),
     }
@@ -182,6 +196,28 @@ def _benchmark(paper: Mapping[str, Stored]) -> list[Line]:
         for label, of in ((benchmark.TEN[name], of) for name, of in curves.items())
     ]
 
+
+def _single(paper: Mapping[str, Stored]) -> list[Line]:
+    runs = {name: paper[name] for name in benchmark.SINGLE if name in paper}
+    marks = published_water.SINGLE_STEPS
+    return [
+        Line(f"{label} ({len(run.seeds)} maps)", marks, benchmark.recent(run, marks, "total_reward"), _COLOURS[label])
+        for label, run in ((benchmark.SINGLE[name], run) for name, run in runs.items())
+        if "total_reward" in run.metrics
+    ]
+
+
+def _moved(paper: Mapping[str, Stored]) -> list[Line]:
+    """Of each run of the attention figure a line over layers."""
+    lines = []
+    for colour, name in enumerate(attention.RUNS):
+        change = attention.moved(paper[name]) if name in paper else None
+        if change is not None:
+            lines.append(Line(attention.TITLES[name], np.arange(1, change.shape[1] + 1), change, colour))
+    return lines
+
+
+_PAID = published_water.SINGLE_REWARDED
 
 _SCORES = {name: means for name, (means, _) in published_water.SCORES.items()}
 

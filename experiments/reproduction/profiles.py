@@ -21,6 +21,7 @@ STEPS = {
     "segments": "T2TL: windows in segments of eight steps instead of one by one (an iteration, closed form)",
     "next_values": "T1TL: V(s') from the next step's V(s), not computed for every step (an iteration, closed form)",
     "next_state": "DQN: no gradient through s' (a gradient step of T1TL)",
+    "guard": "no gain but a price: with seeds frozen that are not finite, against without (an iteration, closed form)",
 }
 """What the steps of `experiments.benchmarks.gains` are."""
 
@@ -28,13 +29,13 @@ STEPS = {
 def profiles(results: Path) -> str:
     """For every training that was profiled a table of its parts."""
     files = sorted(results.glob(FILES))
-    return "\n\n".join(_profiled(read_json(file)) for file in files) if files else "Not measured yet."
+    return "\n\n".join(_profiled(read_json(file), file) for file in files) if files else "Not measured yet."
 
 
-def _profiled(stored: Mapping[str, Any]) -> str:
+def _profiled(stored: Mapping[str, Any], file: Path) -> str:
     peaks, settings = stored["peaks"], stored["settings"]
     said = f"""
-        `{_command(stored)}`: median shares of {settings["repeats"]} iterations under the
+        `{_command(stored, file)}`: median shares of {settings["repeats"]} iterations under the
         profiler, times of as many without it. The floor of a part is the greater of its arithmetic at
         {peaks["gigaflops"]:,.0f} GFLOP/s and of the bytes that go in and out at {peaks["gigabytes"]:,.0f} GB/s, which
         large products and copies reach on the same device."""
@@ -102,16 +103,16 @@ def gains(results: Path) -> str:
         said = f"""
             How many times as long the slower form takes, by its arithmetic and by the clock: medians of
             {stored["settings"]["repeats"]} pairs of calls within one process, the least and the most
-            (`{_command(stored)}`)."""
+            (`{_command(stored, file)}`)."""
         heading = ("step", "predicted", "measured")
         parts += [paragraph(said), table(heading, rows), origin([stored["where"]])]
     return "\n\n".join(parts)
 
 
-def _command(stored: Mapping[str, Any]) -> str:
-    """As it was typed, but for the folder of the file."""
+def _command(stored: Mapping[str, Any], file: Path) -> str:
+    """As it was typed, with the file that it wrote where that is now."""
     words = stored["where"]["command"]
-    return shlex.join(f"results/{Path(word).name}" if word.endswith(".json") else word for word in words)
+    return shlex.join(f"results/{file.name}" if word.endswith(".json") else word for word in words)
 
 
 def _ms(seconds: float) -> str:

@@ -19,6 +19,9 @@ WORDS = {"low": "a third of it", SHARED: "the shared one", "high": "three times 
 SEEDS = ",".join(str(FIRST_TUNING_SEED + k) for k in range(4))
 """Of the search; in WaterWorld they are its maps."""
 
+WORLDS = ("zone", "water")
+"""Where the search is made, each with one task."""
+
 OWN_RATE: Mapping[str, Mapping[str, str]] = {
     "zone": {"gnn": "high", "dfa": "high", "dfa_cont": "high"},
     "water": {"dfa_cont": "low"},

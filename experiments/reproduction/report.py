@@ -49,7 +49,8 @@ trained on, where the world has more than one. What is not measured yet says so.
 The formulas of the tests are named as in `t2tl_jax/ltl/benchmark_tasks.py`; `python -m experiments.reproduce --only
 any` makes all of it again."""
 
-Drawing = Picture | AttentionPicture | EpisodesPicture | EpisodeGIF
+OnPage = Picture | AttentionPicture | EpisodesPicture
+Drawing = OnPage | EpisodeGIF
 
 GIF = "zone_ppo_episode.gif"
 """Shown by the page of the usage."""
@@ -73,16 +74,11 @@ def documentation(root: Path) -> Documentation:
     """
     results = root / "results"
     paper, short = (stored.load(results / name) for name in ("paper", beside.SHORT))
-    shown = pictures(paper, short)
-    of_tokens = attention_picture(paper)
-    lines: dict[str, str] = {}
-    for name, picture in shown.items():
-        item = name.partition("/")[0]
-        lines[item] = "\n\n".join([*([lines[item]] if item in lines else []), picture.markdown()])
-    lines |= {name: picture.markdown() for name, picture in of_tokens.items()}
+    for_any = stored.load(results / "any")
+    shown = drawings(paper, short, for_any)
+    lines = shown_by(shown)
     items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines)
     whole = f"{items}\n{beside.measurements(results, lines)}"
-    for_any = stored.load(results / "any")
     parts = {
         "README.md": {
             "picture": caption(short),
@@ -117,16 +113,30 @@ def documentation(root: Path) -> Documentation:
         },
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}
-    episodes = of_runs(for_any)
-    any_lines = {name: picture.markdown() for name, picture in episodes.items()}
     terms = "\n\n".join(part for part in (TERMS, changed(for_any, any_runs())) if part)
-    any_page = page(ANY_ITEMS, for_any, smoke=False, head=ANY_HEAD, pictures=any_lines, terms=terms)
+    any_page = page(ANY_ITEMS, for_any, smoke=False, head=ANY_HEAD, pictures=lines, terms=terms)
     moving = EpisodeGIF(GIF, results / "paper" / "zone-t2tl", "phi_zone")
-    drawn: list[Drawing] = [*shown.values(), *of_tokens.values(), *episodes.values(), moving]
+    drawn: list[Drawing] = [*(one for of in shown.values() for one in of), moving]
     return Documentation(
         {PAGE: whole, ANY_PAGE: any_page, **written},
         {f"docs/{one.file}": one for one in drawn},
     )
+
+
+def drawings(
+    paper: Mapping[str, Stored], short: Mapping[str, Stored], for_any: Mapping[str, Stored]
+) -> dict[str, list[OnPage]]:
+    """By item the pictures of what is there: of the paper's runs, of the short schedule's, of agents for any task."""
+    found: dict[str, list[OnPage]] = {}
+    for some in (pictures(paper, short), attention_picture(paper), of_runs(for_any)):
+        for name, picture in some.items():
+            found.setdefault(name.partition("/")[0], []).append(picture)
+    return found
+
+
+def shown_by(drawn: Mapping[str, list[OnPage]]) -> dict[str, str]:
+    """By item the lines that show its pictures on a page beside them."""
+    return {name: "\n\n".join(one.markdown() for one in of) for name, of in drawn.items()}
 
 
 def write(root: Path) -> list[str]:

@@ -83,6 +83,7 @@ def scaling(results: Path) -> str:
         ]
         columns = ("what", "one device", "several devices", "ratio (range)")
         parts += [table(columns, rows), origin([versions for versions, _ in here]), _what_limits(grown)]
+    parts.append(_less_busy(results, [pair for _, found in same_work for pair in found]))
     return "\n\n".join(part for part in parts if part) or NOTHING
 
 
@@ -177,6 +178,31 @@ def _what_limits(found: Sequence[Pair]) -> str:
         f"So these seeds hardly slow each other down across devices. On one device {'; '.join(said)}: fewer seeds "
         "leave it less busy, and the same seeds lose that on several. Of other trainings, and of one seed that is "
         "shared out, this says nothing."
+    )
+
+
+def _less_busy(results: Path, shared: Sequence[Pair]) -> str:
+    """What several devices could make of the same seeds if each only had fewer of them: by what one device makes of
+    fewer, of whatever commit; '' where that is not known."""
+    newest: dict[tuple[str, ...], float] = {
+        row.key: row.rate
+        for where, rows in in_time(results)
+        if len(where["devices"]) == 1 and _setting(where) is not None
+        for row in rows
+    }
+    said, kept = [], []
+    for pair in shared:
+        fewer = newest.get(of_each(pair.several, pair.count))
+        if fewer is not None and pair.one.part == "training":
+            could = pair.count * fewer / pair.one.rate
+            kept.append(pair.ratio >= FULL * could)
+            said.append(f"{pair.one.what} with {pair.one.size} {could:.2f} times, measured {pair.ratio:.2f} times")
+    if not said:
+        return ""
+    lost = " So what is missing is lost on each device, which fewer seeds keep less busy, and hardly between them."
+    return paragraph(
+        "If devices did not wait for one another, each would be as fast as one device with its share of the seeds, "
+        f"which other commits measured in part, and together they would make {'; '.join(said)}.{lost * all(kept)}"
     )
 
 

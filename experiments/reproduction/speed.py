@@ -230,7 +230,30 @@ def environments(results: Path) -> str:
             table(("physics", "environments", "steps/s (minimum, maximum)", "compile"), rows),
             origin([stored["where"]]),
         ]
-    return "\n\n".join(parts) or "Not measured yet from a commit of this history."
+    parts.append(_by_layout(benchmarks(results)))
+    return "\n\n".join(part for part in parts if part) or "Not measured yet from a commit of this history."
+
+
+def _by_layout(stored: Sequence[Mapping[str, Any]]) -> str:
+    """How much slower random maps are than a fixed one, by the same commit on the same hardware; '' where unknown."""
+    rates: dict[tuple[Any, ...], dict[str, float]] = {}
+    for of in stored:
+        settings, where = of["config"], of["where"]
+        for row in of["results"]:
+            key: tuple[Any, ...] = (where["git_revision"], where.get("cpu"), tuple(where["devices"]))
+            key += settings["env"], row["physics"], row["num_envs"]
+            rates.setdefault(key, {})[settings["layout"]] = row["steps_per_s"]
+    said = [
+        f"{key[-3]}, {key[-2]}, {key[-1]:,} at once: {of['fixed'] / of['random']:.2f} times"
+        for key, of in rates.items()
+        if {"fixed", "random"} <= of.keys()
+    ]
+    if not said:
+        return ""
+    return paragraph(
+        "Where a table does not say otherwise, its map is fixed. A step takes longer where every reset draws a map, "
+        f"since every environment computes a reset at every step: {'; '.join(said)}."
+    )
 
 
 STEPS = ("environment, physics", "environments", "steps/s (minimum, maximum)", "compile")

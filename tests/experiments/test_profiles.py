@@ -149,3 +149,28 @@ def test_a_gain_is_the_ratio_of_neighbouring_calls():
 def test_a_gradient_through_the_next_state_would_cost_two_passes_more():
     through, apart = gains_benchmark.next_state()
     assert through.flop / apart.flop == pytest.approx(7 / 5, abs=0.05)
+
+
+def test_a_kernel_that_names_no_operation_counts_for_the_one_it_is_called_after():
+    text = """
+      %p = f32[2]{0} parameter(0)
+      %loop_fusion.3 = f32[2]{0} fusion(%p), calls=%c, metadata={op_name="jit(iterate)/policy/mul"}
+      %b = f32[2]{0} fusion(%p), calls=%c, metadata={op_name="jit(iterate)/optimiser/add"}
+    """
+    spent = benchmark.Spent({"loop_fusion_3": 1.0, "b": 2.0, "MemcpyD2D": 1.0}, kernels=4.0)
+    shares = benchmark.shared_out(spent.operations, text, part_of)
+    assert shares == {"acting: state and head": 1 / 3, "clipping and Adam": 2 / 3}
+    assert benchmark.unknown(spent, text) == 0.25
+    assert benchmark.unknown(benchmark.Spent(spent.operations, None), text) == 0.0
+
+
+def test_the_page_says_how_long_kernels_were_at_work(tmp_path):
+    parts = {"physics": {"share": 1.0, "gigaflop": 1.0, "gigabytes": 1.0}}
+    of = {"seconds": 0.2, "fastest": 0.2, "slowest": 0.2, "frames": 100, "seeds": 12, "parts": parts}
+    stored = {
+        "peaks": {"gigaflops": 100.0, "gigabytes": 10.0}, "settings": {"repeats": 3}, "where": WHERE,
+        "profiles": {"a": of | {"kernels": 0.15, "without_a_part": 0.02}, "b": of},
+    }  # fmt: skip
+    (tmp_path / "profile_gpu.json").write_text(json.dumps(stored))
+    page = profiles.profiles(tmp_path)
+    assert page.count("are at work for 150 ms, of which 2.0% are of no known operation.") == 1

@@ -129,7 +129,13 @@ def _learning(runs: Mapping[str, Stored], areas: Mapping[str, Mapping[int, float
 
 def _codes(runs: Mapping[str, Stored]) -> Columns:
     """How much the codes move under the learner, how old its targets are, and how fast the encoder learns."""
-    titles = ("encoder's learning rate", "movement of codes, training", "at the end", "target lag at the end")
+    titles = (
+        "encoder's learning rate",
+        "movement of codes, training",
+        "at the end",
+        "target lag, training",
+        "at the end",
+    )
 
     def mean(run: Stored, name: str, ending: bool) -> str:
         if name not in run.metrics:
@@ -141,6 +147,7 @@ def _codes(runs: Mapping[str, Stored]) -> Columns:
             encoder_rate(run),
             mean(run, "code_change_relative", False),
             mean(run, "code_change_relative", True),
+            mean(run, "target_lag", False),
             mean(run, "target_lag", True),
         )
         for run in runs.values()

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from experiments.benchmarks.removal import table as removal_table
 from experiments.paper import published_attention
 from experiments.reproduction.cells import cost_line, text
@@ -16,6 +18,8 @@ from t2tl_jax.evaluation.statistics import Estimate
 from t2tl_jax.runs.folder import read_json
 
 RUNS = ("prime-fresh", "prime-own")
+
+TITLES = {"prime-fresh": "from a fresh encoder", "prime-own": "from a pre-trained encoder"}
 
 STAGES = ("start", "end")
 
@@ -173,6 +177,12 @@ def _projections(read: Mapping[str, Mapping[str, Any]]) -> str:
     layers = max((len(of) for by_seed in moved.values() for of in by_seed), default=0)
     rows = [(name, *(text(layer) for layer in _by_layer(by_seed, layers))) for name, by_seed in moved.items()]
     return table(("change of the out-projections", *(f"layer {layer}" for layer in range(layers))), rows)
+
+
+def moved(run: Stored) -> np.ndarray | None:
+    """How far the out-projections of each layer moved: float[seeds, layers]; None where that was not read."""
+    found = read_json(run.path / READING)
+    return np.array(found["out_projection_change"]["by_layer"]) if _has_change(found) else None
 
 
 def _has_change(found: Mapping[str, Any]) -> bool:

@@ -17,15 +17,24 @@ the others, which take them over: an ordering in which one of the latter is behi
 NOT_WHOLE = """A search of the learning rate for every method is not complete ([what it found so
 far](#{})), and the orders here do not take it into account yet."""
 
+ELSEWHERE = """The learning rate was searched for in the same way for every method ([below](#{})), but on other tasks,
+and none was searched for on this one."""
+
 
 def searched(world: str) -> str:
-    """Which settings were searched for with which methods."""
+    """Which settings were searched for with which methods.
+
+    Args:
+        world: of `rates.OWN_RATE`, or anything else where no search was made.
+    """
+    if world not in rates.WORLDS:
+        return paragraph(f"{SEARCHED} {ELSEWHERE.format(SEARCH_ANCHOR)}")
     if world not in rates.OWN_RATE:
         return paragraph(f"{SEARCHED} {NOT_WHOLE.format(SEARCH_ANCHOR)}")
     own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
     found = (
-        f"another one than the shared is best for {', '.join(own)}. The runs here have the shared one, and there the "
-        "order is judged again with each method's best"
+        f"it took another one than the shared for {', '.join(own)}. The runs here have the shared one. There the "
+        "orders of the six methods, and no others, are judged again at the rates that it took"
         if own
         else "the shared one is best for every method"
     )

@@ -1,0 +1,41 @@
+"""How long a training takes to start: what the command measures, and what the page makes of it."""
+
+import json
+
+import pytest
+
+from experiments.benchmarks import starts
+from experiments.reproduction import aims
+
+WHERE = {"devices": ["NVIDIA H200"], "packages": {"jax": "0.11"}, "git_revision": "abcdefg", "time": "2026"}
+
+
+def test_a_training_that_is_not_known_is_refused_before_anything_starts(capsys):
+    assert starts.main(["--trainings", "zone_pqo:t1tl"]) == 2
+    assert "zone_ppo" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_second_start_finds_the_programs_of_the_first(tmp_path):
+    file = tmp_path / "starts_cpu.json"
+    assert starts.main(["--trainings", "zone_ppo:dfa:closed_form:8", "--seeds", "1", "--json", str(file)]) == 0
+    first, second = (json.loads(file.read_text())["starts"]["zone_ppo:dfa:closed_form:8"][one] for one in starts.WHICH)
+    for one in (first, second):
+        assert 0 < one["compiling"] < one["done"] < one["process"] and one["traced"] < one["done"]
+    assert second["compiling"] < 0.5 * first["compiling"]
+
+
+def stored(folder, name, compiling, second):
+    of = {"first": {"compiling": compiling}, **({"second": {"done": second, "compiling": 1.0}} if second else {})}
+    content = {"where": WHERE, "settings": {"seeds": 12}, "starts": {aims.T1TL: of}}
+    (folder / name).write_text(json.dumps(content))
+
+
+def test_an_aim_is_reached_only_where_every_start_is_within_it(tmp_path):
+    stored(tmp_path, "starts_a.json", 19.0, 9.0)
+    page = aims.aims(tmp_path)
+    assert "| compiled within 20 s | 19.0 s | reached |" in page
+    assert "| second start within 10 s | 9.0 s (1.0 s for compiled programs) | reached |" in page
+    stored(tmp_path, "starts_b.json", 21.0, None)
+    page = aims.aims(tmp_path)
+    assert "| compiled within 20 s | 19.0, 21.0 s | **not reached** |" in page and "9.0 s (1.0 s" in page
