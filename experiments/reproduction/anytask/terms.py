@@ -5,6 +5,8 @@ TERMS = """\
 
 - **Success**: the formula became true. **Violation**: it became false. **Ended by env**: the agent left the arena while
   the formula was open. **Steps**: means over the episodes that succeed.
+- **Violation / ended by env / time-out**: these three in one cell, means over seeds and formulas. With success they
+  add up to 1.
 - **Return**: mean discounted reward, 1 when the formula becomes true, -1 for a violation and for leaving the arena.
   Others count 0 for these, so that ours is never above theirs for the same episodes. (LTL2Action's in the walled
   ZoneEnv counts a violation as ours does.)

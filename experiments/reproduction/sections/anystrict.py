@@ -8,6 +8,7 @@ from experiments.reproduction.anytask import met, suites
 from experiments.reproduction.anytask.runs import STRICT
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
+from experiments.reproduction.sections import anyends
 from experiments.reproduction.sections.anycodes import rows_met
 from experiments.reproduction.sections.anytask import SAMPLED, Bar, figures, over_tasks, verdicts
 from experiments.reproduction.stored import Stored
@@ -51,11 +52,11 @@ def strict(runs: Mapping[str, Stored]) -> str:
         for name, of in played.items():
             shares = met.read(runs[name].path)
             for called, tasks in TESTS[second].items():
-                success, worst = "not played yet", "-"
+                success, worst = "not played", "-"
                 if set(tasks) <= of.keys():
                     success = over_tasks(of, tasks, SAMPLED, "success_rate").text()
                     worst = f"{min(float(np.nanmin(of[task][SAMPLED]['success_rate'])) for task in tasks):.3f}"
-                rows.append((name, called, rows_met(shares, tasks), success, worst))
+                rows.append((name, called, rows_met(shares, tasks), success, worst, *anyends.shares(of, tasks)))
             asked = [task for tasks in TESTS[second].values() for task in tasks]
             known = [task for task in asked if all(task in each for each in played.values())]
             if known:
@@ -63,7 +64,8 @@ def strict(runs: Mapping[str, Stored]) -> str:
                 values[name] = dict(zip(runs[name].seeds, means.tolist(), strict=True))
     if not rows:
         return ""
-    shown = table(("agent", "tests", "rows met, up to names", "success", "worst seed and task"), rows)
+    heading = ("agent", "tests", "rows met, up to names", "success", "worst seed and task")
+    shown = table((*heading, "violation", "ended by env", "time-out"), rows)
     gaps = differences({name: runs[name] for name in values}, list(PAIRS), values, "success, mean of these tests")
     water = f"any-water{STRICT}"
     aim = verdicts(figures(runs[water]), BARS) if water in runs else NOT_MEASURED
