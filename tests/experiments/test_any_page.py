@@ -11,14 +11,16 @@ import pytest
 
 import tests.fake_learner  # noqa: F401
 from envs.zones import OPEN, OPEN_6
+from experiments.paper import published_any as published
 from experiments.reproduction import stored
-from experiments.reproduction.anytask import met, picture, suites, tested
+from experiments.reproduction.anytask import met, picture, suites, terms, tested
 from experiments.reproduction.changed import changed
 from experiments.reproduction.plan import Run
 from experiments.reproduction.runs import all_runs
 from experiments.reproduction.sections import anycodes, anymemory, anytask, anyunread
 from experiments.reproduction.sections.anytask import Bar
 from experiments.reproduction.sections.figures import found_or_not
+from t2tl_jax.evaluation.statistics import exact_rate
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.state_encoders import FlatConfig
@@ -204,7 +206,34 @@ def test_what_memory_is_and_how_far_it_was_trained_is_said(tmp_path):
     assert "learns over 32 steps" in with_it and "nothing was measured" not in with_it
     still = {name: write(tmp_path / f"{name}-2", config, (24, 25), iterations=20, success_rate=0.5) for name in names}
     assert "It still rose of none." in anymemory.memory(names, still)
-    assert {"violation", "ended by env"} <= set(cells(said)["policy"])
+    assert "m: it holds little that is out of the lidar's reach. No longer window was tried." in said
+    assert {"violation", "ended by env", "time-out"} <= set(cells(said)["policy"]) and "open rows" not in said
+    own = {"formulas": 8, "exactly": 0, "renamed": 5, "without a row met": 1}
+    shares = {"exactly": {met.OWN: "2/9"}, "renamed": {met.OWN: "7/9"}, "rows": {}, "own": own}
+    (runs[names[0]].path / met.FILE).write_text(json.dumps(shares))
+    with_rows = anymemory.memory(names, runs)
+    assert "of 1 no row; of their open rows it met 7/9 up to names, 2/9 under their own." in with_rows
+
+
+def test_what_was_met_stands_beside_certificates(zones):
+    one = {"success": vars(exact_rate(9, 10)), "violation": vars(exact_rate(1, 10)), "timeouts": 0}
+    made = {"seed": 24, "policy": "sampled", "episodes": 10, "seconds": 1.0, "compile_seconds": 1.0}
+    made["by_task"] = dict.fromkeys(("z1", "z2"), one | {"env_terminations": 0})
+    (zones.path / tested.FILE).write_text(json.dumps({tested.CERTIFIED: made}))
+    rows = cells(anytask.certified("any-zones", {"any-zones": zones}))
+    assert rows["task"][:3] == ["rows met", "renamed", "success"]
+    assert rows["z1"][:2] == ["3/5", "4/5"] and rows["z2"][:2] == ["-", "-"] and rows["z1"][2].startswith("0.90000 [")
+
+
+def test_figures_of_other_worlds_are_told_apart():
+    """Means as they were computed from the same files before."""
+    means = {method: published.mean_of(list(of.values())) for method, of in published.KINEMATIC_NM.items()}
+    wanted = {"StructLTL": 0.954, "DeepLTL": 0.891, "GenZ-LTL": 0.808, "LTL2Action": 0.491}
+    assert {method: mean.success for method, mean in means.items()} == pytest.approx(wanted, abs=6e-4)
+    said = terms.other_worlds().replace("\n", " ")
+    assert said in terms.TERMS.replace("\n", " ")
+    assert all(f"{method} {rate:.3f}" in said for method, rate in wanted.items())
+    assert "SemLTL 0.675" in said and "GenZ-LTL 1.00" in said and "These figures do not compare with ours." in said
 
 
 def test_what_can_be_read_alone_and_what_was_met_before(zones):
