@@ -115,9 +115,9 @@ def test_agents_whose_layers_are_made_for_four_colours_cannot_read_more(tmp_path
         assert told["z1 to z6"] == told["texts exchanged"] == "-"
     said = anycodes.levels(runs)
     assert "cannot read: the agent has no way" in said and "Where `-` stands, nothing was measured." in said
-    assert "not played for broad-rgcn, gru: parameters of these agents are not stored." in said
+    assert "not played for broad-rgcn (gated), gru (flat): parameters of these agents are not stored," in said
     (runs["any-zones-gru"].path / anyunread.PARAMETERS).touch()
-    assert "not played for broad-rgcn, gru. The other codes" in anycodes.levels(runs)
+    assert "not played for broad-rgcn (gated), gru (flat). The other codes" in anycodes.levels(runs)
 
 
 def test_parameters_of_gates_and_of_flat_states_fit_their_own_number_of_colours():

@@ -84,6 +84,9 @@ def test_what_was_not_played_is_said_plainly(tmp_path):
     (runs["any-water"].path / tested.FILE).write_text(json.dumps(part))
     text = anystrict.strict(runs)
     assert f"| any-water | {anystrict.CHAINS} | 0/64 | not played | - | - | - | - |" in text and "yet" not in text
+    assert anystrict.NOT_PLAYED in text and anystrict.NOT_PLAYED not in anystrict.strict(
+        {"any-water-strict": runs["any-water-strict"]}
+    )
 
 
 def test_the_aim_on_chains_is_judged_by_the_strict_agent_alone(tmp_path):

@@ -31,6 +31,8 @@ NOT_MEASURED = """The aim of .95 on chains over WaterWorld's colours that are un
 What any-water comes to on its own family, above, is of formulas that are new under their own names, most of which its
 training met under others."""
 
+NOT_PLAYED = "Not played: the test was no part of that run, so that nothing of it was measured or counted."
+
 PAIRS = tuple((f"{name}{STRICT}", name) for name in TESTS)
 """An agent, and the one whose training kept out the tests themselves alone, by the same settings but for seeds."""
 
@@ -69,4 +71,5 @@ def strict(runs: Mapping[str, Stored]) -> str:
     gaps = differences({name: runs[name] for name in values}, list(PAIRS), values, "success, mean of these tests")
     water = f"any-water{STRICT}"
     aim = verdicts(figures(runs[water]), BARS) if water in runs else NOT_MEASURED
-    return "\n\n".join(part for part in (shown, aim, gaps, NOTE) if part)
+    unplayed = NOT_PLAYED if any("not played" in row for row in rows) else ""
+    return "\n\n".join(part for part in (shown, unplayed, aim, gaps, NOTE) if part)

@@ -10,7 +10,7 @@ from typing import Any
 
 from experiments.controls import NamesConfig
 from experiments.reproduction.anytask import suites
-from experiments.reproduction.sections.anytask import figures
+from experiments.reproduction.sections.anytask import figures, state_of
 from experiments.reproduction.stored import Stored
 from t2tl_jax.networks.merged import MergedConfig
 
@@ -57,10 +57,11 @@ def say(runs: Mapping[str, Stored], levels: Mapping[str, Sequence[str]]) -> str:
     exchanged = [name for name in empty.get(suites.EXCHANGED.name, []) if _reads_texts(runs[name])]
     if exchanged:
         unkept = not any((runs[name].path / PARAMETERS).is_file() for name in exchanged)
-        why = ": parameters of these agents are not stored" if unkept else ""
+        why = ": parameters of these agents are not stored, and it would take training them again" if unkept else ""
+        whom = ", ".join(f"{name} ({state_of(runs[name])})" for name in exchanged)
         said.append(
-            f"Of codes that depend on the text, the control with exchanged texts was not played for "
-            f"{', '.join(exchanged)}{why}. The other codes read no text, so that it would change nothing for them."
+            f"Of codes that depend on the text, the control with exchanged texts was not played for {whom}{why}. The "
+            "other codes read no text, so that it would change nothing for them."
         )
     return " ".join(said)
 
