@@ -79,6 +79,46 @@ JAXOLOTL_MINUTES = {"DeepLTL": (14.0 * 60, 8.2), "GenZ-LTL": (13.4 * 60, 3.7)}
 """Training of ten seeds in a kinematic ZoneEnv on one RTX 5070 Ti: the original program's, and Jaxolotl's. From a
 summary of its paper."""
 
+_NM = (*_Z, "s7", "s8")
+KINEMATIC_NM = {
+    "StructLTL": _each(
+        _NM,
+        *((0.944, 238), (0.930, 222), (0.990, 193), (0.943, 157), (0.977, 140), (0.979, 103), (0.943, 126)),
+        (0.923, 276),
+    ),
+    "DeepLTL": _each(
+        _NM,
+        *((0.880, 291), (0.872, 276), (0.963, 258), (0.851, 202), (0.937, 187), (0.959, 136), (0.886, 180)),
+        (0.777, 333),
+    ),
+    "GenZ-LTL": _each(
+        _NM,
+        *((0.490, 180), (0.916, 179), (0.971, 188), (0.934, 126), (0.988, 122), (0.996, 84), (0.653, 112)),
+        (0.515, 227),
+    ),
+    "LTL2Action": _each(
+        _NM,
+        *((0.278, 450), (0.184, 442), (0.588, 421), (0.509, 335), (0.754, 290), (0.914, 148), (0.351, 192)),
+        (0.348, 566),
+    ),
+}
+"""Another world, Jaxolotl's kinematic ZoneEnv with a rule of its own (entering purple takes the green discs away), and
+the same formulas in its colours: computed from result files in the history of StructLTL's repository (commit 5265862),
+10 seeds with 512 episodes each, sampled."""
+
+JAXOLOTL_NM = {
+    "StructLTL": 0.927,
+    "DeepLTL": 0.836,
+    "GenZ-LTL": 0.700,
+    "SemLTL": 0.675,
+    "GCRL-LTL": 0.669,
+    "LTL2Action": 0.442,
+}
+"""Success in that world, of formulas that are not known. From a summary of Jaxolotl's paper."""
+
+JAXOLOTL_ZONES = {"GenZ-LTL": 1.00, "StructLTL": 0.95}
+"""Likewise in its ZoneEnv without that rule."""
+
 STEP_BOUND = {"z1": 116, "z2": 128, "z3": 95, "z4": 105, "z5": 87, "z6": 71}
 """Fewest steps that the maps allow: straight lines at full thrust without a turn; means over 3,000 maps, computed."""
 

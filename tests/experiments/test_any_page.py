@@ -5,21 +5,28 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 
 import tests.fake_learner  # noqa: F401
+from envs.zones import OPEN, OPEN_6
+from experiments.paper import published_any as published
 from experiments.reproduction import stored
-from experiments.reproduction.anytask import met, picture, suites, tested
+from experiments.reproduction.anytask import met, picture, suites, terms, tested
 from experiments.reproduction.changed import changed
 from experiments.reproduction.plan import Run
 from experiments.reproduction.runs import all_runs
-from experiments.reproduction.sections import anycodes, anymemory, anytask
+from experiments.reproduction.sections import anycodes, anymemory, anytask, anyunread
 from experiments.reproduction.sections.anytask import Bar
 from experiments.reproduction.sections.figures import found_or_not
+from t2tl_jax.evaluation.statistics import exact_rate
+from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.state_encoders import FlatConfig
+from t2tl_jax.registry import make_env
 from t2tl_jax.runs import config_files
+from t2tl_jax.runs.experiment import build
 from tests.fake_learner import CONFIG
 from tests.made_up_runs import write
 
@@ -87,10 +94,49 @@ def test_levels_show_codes_side_by_side_and_what_was_not_played(zones):
     row = cells(anycodes.levels({"any-zones-transformer": zones}))["transformer"]  # of the last table, the costs
     heading = ["state", "training", "same family", *anycodes.LEVELS]
     assert row == ["2", *anytask.cost(zones)]
-    table = anycodes.levels({"any-zones-transformer": zones}).split("\n\n")[0]
+    said, table, ends, *_ = anycodes.levels({"any-zones-transformer": zones}).split("\n\n")
     shown = dict(zip(heading, cells(table)["transformer"], strict=True))
     assert shown["state"] == "merged" and shown["z1 to z6"].startswith("0.99 [") and shown["deeper"] == "-"
-    assert shown["texts exchanged"].startswith("0.10")
+    assert shown["texts exchanged"].startswith("0.10") and shown["six colours"] == "-"
+    assert "Where `-` stands, nothing was measured." in said
+    others = dict(zip(heading[1:], cells(ends)["transformer"], strict=True))
+    assert others["z1 to z6"] == "0.000 / 0.010 / 0.000" and others["deeper"] == others["six colours"] == "-"
+    assert others["training"] == "0.000 / 0.000 / 1.000" and "cannot read" not in ends + said
+
+
+def test_agents_whose_layers_are_made_for_four_colours_cannot_read_more(tmp_path):
+    names = ("any-zones-broad-rgcn", "any-zones-gru", "any-zones-broad-roles-merged", "any-zones-lookahead")
+    runs = {name: write(tmp_path / name, all_runs()[name].config, seeds=(76, 77)) for name in names}
+    found = {name: [anyunread.cell(run, level) for level in anycodes.LEVELS] for name, run in runs.items()}
+    assert anyunread.COLOURS == {"six colours": 6, "eight colours": 8, "ten colours": 10}
+    for name, shown in found.items():
+        told = dict(zip(anycodes.LEVELS, shown, strict=True))
+        assert {told[level] for level in anyunread.COLOURS} == {"-" if "merged" in name else anyunread.CANNOT}, name
+        assert told["z1 to z6"] == told["texts exchanged"] == "-"
+    said = anycodes.levels(runs)
+    assert "cannot read: the agent has no way" in said and "Where `-` stands, nothing was measured." in said
+    assert "not played for broad-rgcn (gated), gru (flat): parameters of these agents are not stored," in said
+    (runs["any-zones-gru"].path / anyunread.PARAMETERS).touch()
+    assert "not played for broad-rgcn (gated), gru (flat). The other codes" in anycodes.levels(runs)
+
+
+def test_parameters_of_gates_and_of_flat_states_fit_their_own_number_of_colours():
+    """Those of merged states have one size."""
+
+    def shapes(name, env):
+        config = all_runs()[name].config
+        learner = replace(config.learner, num_envs=2, unroll_length=2, minibatch_size=4)
+        small = replace(config, learner=replace(learner, network=replace(learner.network, freeze_task_encoder=False)))
+        small = replace(small, pool=replace(config.pool, size=2, rows=64, finish=False), pretrained="")
+        there = make_env(replace(env, physics="closed_form", pool_size=2))
+        other = build(small, make_env(config.env)).elsewhere(
+            there, compile_tasks(["F Blue"], there.propositions, there.alphabet)
+        )
+        given = other.task_env.make_params(0)
+        return jax.tree.map(np.shape, jax.eval_shape(other.agent.init, jax.random.key(0), given).params)
+
+    for name in ("any-zones-broad-lookahead", "any-zones-lookahead", "any-zones-broad-roles-merged"):
+        assert (shapes(name, OPEN) == shapes(name, OPEN_6)) == ("merged" in name), name
 
 
 def test_what_was_met_of_every_level_is_said_once_where_trainings_agree(tmp_path):
@@ -160,14 +206,42 @@ def test_what_memory_is_and_how_far_it_was_trained_is_said(tmp_path):
     assert "learns over 32 steps" in with_it and "nothing was measured" not in with_it
     still = {name: write(tmp_path / f"{name}-2", config, (24, 25), iterations=20, success_rate=0.5) for name in names}
     assert "It still rose of none." in anymemory.memory(names, still)
-    assert {"violation", "ended by env"} <= set(cells(said)["policy"])
+    assert "m: it holds little that is out of the lidar's reach. No longer window was tried." in said
+    assert {"violation", "ended by env", "time-out"} <= set(cells(said)["policy"]) and "open rows" not in said
+    own = {"formulas": 8, "exactly": 0, "renamed": 5, "without a row met": 1}
+    shares = {"exactly": {met.OWN: "2/9"}, "renamed": {met.OWN: "7/9"}, "rows": {}, "own": own}
+    (runs[names[0]].path / met.FILE).write_text(json.dumps(shares))
+    with_rows = anymemory.memory(names, runs)
+    assert "of 1 no row; of their open rows it met 7/9 up to names, 2/9 under their own." in with_rows
+
+
+def test_what_was_met_stands_beside_certificates(zones):
+    one = {"success": vars(exact_rate(9, 10)), "violation": vars(exact_rate(1, 10)), "timeouts": 0}
+    made = {"seed": 24, "policy": "sampled", "episodes": 10, "seconds": 1.0, "compile_seconds": 1.0}
+    made["by_task"] = dict.fromkeys(("z1", "z2"), one | {"env_terminations": 0})
+    (zones.path / tested.FILE).write_text(json.dumps({tested.CERTIFIED: made}))
+    rows = cells(anytask.certified("any-zones", {"any-zones": zones}))
+    assert rows["task"][:3] == ["rows met", "renamed", "success"]
+    assert rows["z1"][:2] == ["3/5", "4/5"] and rows["z2"][:2] == ["-", "-"] and rows["z1"][2].startswith("0.90000 [")
+
+
+def test_figures_of_other_worlds_are_told_apart():
+    """Means as they were computed from the same files before."""
+    means = {method: published.mean_of(list(of.values())) for method, of in published.KINEMATIC_NM.items()}
+    wanted = {"StructLTL": 0.954, "DeepLTL": 0.891, "GenZ-LTL": 0.808, "LTL2Action": 0.491}
+    assert {method: mean.success for method, mean in means.items()} == pytest.approx(wanted, abs=6e-4)
+    said = terms.other_worlds().replace("\n", " ")
+    assert said in terms.TERMS.replace("\n", " ")
+    assert all(f"{method} {rate:.3f}" in said for method, rate in wanted.items())
+    assert "SemLTL 0.675" in said and "GenZ-LTL 1.00" in said and "These figures do not compare with ours." in said
 
 
 def test_what_can_be_read_alone_and_what_was_met_before(zones):
     kept_out = replace(zones.config.pool, unseen="")
     (zones.path / "config.json").write_text(config_files.to_json(replace(zones.config, pool=kept_out)))
     row = cells(anycodes.read_alone({"any-pretraining-gru": stored.Stored(zones.path)}))["gru"]
-    assert row[3].startswith("0.99 [") and row[4] == "not measured yet" and row[5:] == ["nothing", "4/5", "-", "-"]
+    assert row[3].startswith("0.99 [") and row[4] == "not measured yet"
+    assert row[5:] == ["0.000 / 0.010 / 0.000", "-", "nothing", "4/5", "-", "-"]
     pools = -(-zones.config.iterations // zones.config.pool.period)
     assert row[0] == f"{pools * zones.config.pool.size:,}"
     assert anycodes.read_alone({"any-zones": zones}) == ""
@@ -277,13 +351,21 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     def figures(run: SimpleNamespace) -> dict[str, Any]:
         rates = zip(asked, success[run.name], strict=True)
         return {
-            task: {anycodes.SAMPLED: {"success_rate": values, "success_length": 10 * values}} for task, values in rates
+            task: {
+                anycodes.SAMPLED: {"success_rate": values, "success_length": 10 * values}
+                | {"violation_rate": 1 - values, "env_termination_rate": 0 * values, "timeout_rate": 0 * values}
+            }
+            for task, values in rates
         }
 
+    counted = {reader: "1/2", agent: "2/2"}
+    monkeypatch.setattr(met, "read", lambda name: {"renamed": dict.fromkeys(asked, counted[name])})
     monkeypatch.setattr(anycodes, "figures", figures)
     monkeypatch.setattr(anycodes, "own_family", lambda run: dict.fromkeys(run.seeds, 0.25) if families else {})
     families = True
-    runs: Any = {name: SimpleNamespace(name=name, seeds=(1, 2, 3, 4), end=lambda what: {1: 0.5}) for name in success}
+    runs: Any = {
+        name: SimpleNamespace(name=name, path=name, seeds=(1, 2, 3, 4), end=lambda what: {1: 0.5}) for name in success
+    }
     said = anycodes.text_alone(runs)
     assert "under their own names: transformer 0.500, 0.250." in said and "are: transformer 0.500 (4 of 60)." in said
     families = False
@@ -291,6 +373,13 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     first = next(line for line in said.splitlines() if "beside the robot |" in line)
     assert first.split(" | ")[3] == f"{alone[1].mean() / 2:.2f} ({alone[1].min() / 2:.2f})"
     alone_steps = next(line for line in said.splitlines() if "read alone, steps |" in line)
+    lines = [line.strip("| ").split(" | ") for line in said.splitlines()]
+    ends = [line for line in lines if line[1:2] == ["beside the robot"]]
+    assert ends[1][3] == f"{1 - alone[1].mean() / 2:.3f} / 0.000 / 0.000"
+    assert [line[1:3] for line in lines if "rows met" in line[0]] == [
+        ["training of the code: all", "1/2"],
+        ["training of the agent: all", "2/2"],
+    ]
     assert alone_steps.split(" | ")[3] == f"{10 * alone[1].mean():.1f}"
     assert "**not reached**" in said
     success[agent] = np.full((len(asked), 4), 0.96)

@@ -58,7 +58,8 @@ def test_pools_are_drawn_once_for_trainings_that_differ_in_what_reads_them(monke
 def made(tmp_path, name, success, rows):
     run = write(tmp_path / name, all_runs()[name].config, seeds=(1, 2, 3))
     tasks = [task for tasks in anystrict.TESTS[name.removesuffix(STRICT)].values() for task in tasks]
-    of = {policy: {"success_rate": success} for policy in ("sampled", "deterministic")}
+    ends = {"violation_rate": [0.01] * 3, "env_termination_rate": [0.02] * 3, "timeout_rate": [0.0] * 3}
+    of = {policy: {"success_rate": success} | ends for policy in ("sampled", "deterministic")}
     (run.path / tested.FILE).write_text(json.dumps({"x": {"scale": "full", "tasks": dict.fromkeys(tasks, of)}}))
     shares = {"exactly": {}, "renamed": dict.fromkeys(tasks, rows), "rows": {}}
     (run.path / met.FILE).write_text(json.dumps(shares))
@@ -70,9 +71,22 @@ def test_a_strict_agent_stands_beside_the_other(tmp_path):
     runs = {name: made(tmp_path, name, of, "0/2" if STRICT in name else "1/2") for name, of in values.items()}
     text = anystrict.strict(runs)
     strict, loose = (line for line in text.splitlines() if line.startswith("| any-flat") and " | flat_1 to 5 |" in line)
-    assert "| 0/10 | 0.710 [" in strict and strict.endswith("| 0.700 |") and "| 5/10 | 0.910 [" in loose
+    assert "| 0/10 | 0.710 [" in strict and "| 5/10 | 0.910 [" in loose
+    assert strict.endswith("| 0.700 | 0.010 | 0.020 | 0.000 |")
     assert "| any-flat-strict - any-flat | -0.200 [" in text and "Corrected for 4 comparisons, 1 of which" in text
     assert anystrict.strict({"any-flat": runs["any-flat"]}) == ""
+
+
+def test_what_was_not_played_is_said_plainly(tmp_path):
+    runs = {name: made(tmp_path, name, [0.9, 0.9, 0.9], "0/2") for name in ("any-water", "any-water-strict")}
+    tasks = tested.read(runs["any-water"].path)["x"]["tasks"]
+    part = {"x": {"scale": "full", "tasks": {"phi_water": tasks["phi_water"]}}}
+    (runs["any-water"].path / tested.FILE).write_text(json.dumps(part))
+    text = anystrict.strict(runs)
+    assert f"| any-water | {anystrict.CHAINS} | 0/64 | not played | - | - | - | - |" in text and "yet" not in text
+    assert anystrict.NOT_PLAYED in text and anystrict.NOT_PLAYED not in anystrict.strict(
+        {"any-water-strict": runs["any-water-strict"]}
+    )
 
 
 def test_the_aim_on_chains_is_judged_by_the_strict_agent_alone(tmp_path):

@@ -1,10 +1,41 @@
 """What the words of the page of agents for any task mean, what was chosen on what, and whose the other figures are."""
 
-TERMS = """\
+from collections.abc import Mapping
+
+from experiments.paper import published_any as published
+from experiments.reproduction.page import paragraph
+
+
+def _listed(rates: Mapping[str, float], digits: int = 3) -> str:
+    return ", ".join(f"{method} {rate:.{digits}f}" for method, rate in rates.items())
+
+
+def other_worlds() -> str:
+    """What newer methods report of worlds that resemble the open ZoneEnv, and why that does not compare."""
+    means = {method: published.mean_of(list(of.values())) for method, of in published.KINEMATIC_NM.items()}
+    rates = {method: mean.success for method, mean in means.items() if mean is not None and mean.success is not None}
+    return paragraph(
+        "**Newer methods, in other worlds.** What figures of StructLTL, SemLTL and Jaxolotl were at hand are of a "
+        "kinematic ZoneEnv, most of them of ZoneEnv-NM, where entering purple takes the green discs away. Success "
+        "there, mean of z1 to z6, s7 and s8 in its colours, from result files of StructLTL's repository (10 seeds "
+        f"with 512 episodes, sampled): {_listed(rates)}. A summary of Jaxolotl's paper, which itself was not at hand, "
+        f"has for ZoneEnv-NM {_listed(published.JAXOLOTL_NM)}, and for its ZoneEnv without that rule "
+        f"{_listed(published.JAXOLOTL_ZONES, 2)}; of which formulas is not known. Of PlatoLTL no figures were at "
+        "hand. None of this was played by us, and ours was not played there. These figures do not compare with ours. "
+        "The robot turns at once there, and goes up to 0.058 m in a step, ours 0.030 m: with the same limit of 1,000 "
+        "steps it gets nearly twice as far. There is no compass and no sensor of the walls, leaving the arena ends the "
+        "episode without a reward of -1, and discs that vanish make an early choice matter. So nothing on this page "
+        "says that our agents are better than these methods: where they are above others, it is those of the tables."
+    )
+
+
+TERMS = f"""\
 ## How to read the tables
 
 - **Success**: the formula became true. **Violation**: it became false. **Ended by env**: the agent left the arena while
   the formula was open. **Steps**: means over the episodes that succeed.
+- **Violation / ended by env / time-out**: these three in one cell, means over seeds and formulas. With success they
+  add up to 1.
 - **Return**: mean discounted reward, 1 when the formula becomes true, -1 for a violation and for leaving the arena.
   Others count 0 for these, so that ours is never above theirs for the same episodes. (LTL2Action's in the walled
   ZoneEnv counts a violation as ours does.)
@@ -74,4 +105,6 @@ See `experiments/paper/published_any.py`.
 - Means of others over several formulas are of the figures shown. The return beside them counts 0 for an episode that
   fails.
 - letters_reach_12 and letters_avoid_6 are inferred from their names, R-12 and RA-6. Ours have 150 and 75 moves; which
-  limits theirs had is not published."""
+  limits theirs had is not published.
+
+{other_worlds()}"""

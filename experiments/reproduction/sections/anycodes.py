@@ -10,6 +10,7 @@ from experiments.reproduction.anytask.runs import FIFTH_SEED, HEADLINE_SEEDS, LE
 from experiments.reproduction.cells import COST, cost, share
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
+from experiments.reproduction.sections import anyends, anyunread
 from experiments.reproduction.sections.anytask import (
     OWN,
     SAMPLED,
@@ -78,6 +79,8 @@ def levels(runs: Mapping[str, Stored]) -> str:
     costs = [(_label(name), str(len(run.seeds)), *cost(run)) for name, run in agents.items()]
     parts = (
         _levels_table(broad, solved),
+        _ends_table({**broad, **solved}),
+        anyunread.say({_label(name): run for name, run in (broad | solved | others).items()}, LEVELS),
         solved_say(solved),
         rows_met_say(broad | solved),
         BROAD_SAYS if broad else "",
@@ -85,6 +88,7 @@ def levels(runs: Mapping[str, Stored]) -> str:
         compared(broad | solved, AGAINST_PLAYED) if solved else "",
         text_alone(runs),
         _levels_table(others),
+        _ends_table(others),
         rows_met_say(others),
         OTHERS_SAY if others else "",
         read_alone(runs),
@@ -156,10 +160,20 @@ def _levels_table(runs: Mapping[str, Stored], solved: Mapping[str, Stored] | Non
 
 def _levels_row(name: str, run: Stored) -> tuple[str, ...]:
     of, cells = figures(run), []
-    for tasks in LEVELS.values():
+    for level, tasks in LEVELS.items():
         there = set(tasks) <= of.keys()
-        cells.append(over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if there else "-")
+        cells.append(over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if there else anyunread.cell(run, level))
     return (_label(name), state_of(run), share(run.end("success_rate")), share(own_family(run)), *cells)
+
+
+def _ends_table(runs: Mapping[str, Stored]) -> str:
+    """How the other episodes of the same codes end, at the same levels."""
+    rows = []
+    for name, run in runs.items():
+        of = figures(run)
+        cells = [anyends.cell(of, tasks, anyunread.cell(run, level)) for level, tasks in LEVELS.items()]
+        rows.append((_label(name), anyends.of_training(run), anyends.cell(of, (OWN,)), *cells))
+    return table((f"code: {anyends.CALLED}", "training", "same family", *LEVELS), rows)
 
 
 Levels = dict[str, tuple[int, int]]
@@ -248,16 +262,19 @@ def read_alone(runs: Mapping[str, Stored]) -> str:
             over_tasks(of, tasks, SAMPLED, "success_rate").text(2) if set(tasks) <= of.keys() else "not measured yet"
             for tasks in (suites.ZONE_Z, suites.ZONE_HARD)
         ]
+        ends = [anyends.cell(of, tasks) for tasks in (suites.ZONE_Z, suites.ZONE_HARD)]
         met_of = [rows_met(shares, tasks) for tasks in (suites.ZONE_Z, suites.ZONE_HARD, suites.ZONE_WIDE)]
         kept_out = "all tests" if run.config.pool.unseen else "nothing"
         code, pool = name.removeprefix(PRETRAINED), run.config.pool
         drawn = f"{-(-run.config.iterations // pool.period) * pool.size:,}"
         different = shares["rows"].get("exactly")
         counted = "-" if different is None else f"{different:,}"
-        rows.append((code, drawn, counted, _learned(run), *cells, kept_out, *met_of))
+        rows.append((code, drawn, counted, _learned(run), *cells, *ends, kept_out, *met_of))
     heading = (
         *("code", "places in its pools", "different open rows there", "success in its pre-training"),
-        *("z1 to z6, read alone", "harder, read alone", "kept out of its pools"),
+        *("z1 to z6, read alone", "harder, read alone"),
+        *(f"{level}: {anyends.CALLED}" for level in ("z1 to z6", "harder")),
+        "kept out of its pools",
         *("rows of z1 to z6 met, up to names", "of harder", "of wider"),
     )
     said = (
@@ -302,6 +319,8 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
     """What agents come to whose codes were learned, by formula, beside what the codes come to read alone."""
     asked = (*suites.ZONE_Z, *suites.ZONE_HARD)
     rows: list[tuple[str, ...]] = []
+    ends: list[tuple[str, ...]] = []
+    shares: dict[str, dict[str, Mapping[str, str]]] = {"code": {}, "agent": {}}
     renamed: dict[str, Any] = {}
     bars, families, acting = [], [], []
     for agent, reader in READERS.items():
@@ -315,6 +334,10 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         steps = (f"{np.nanmean(read[task][SAMPLED]['success_length']):.1f}" for task in asked)
         rows += [(name, "read alone", *_worst(alone)), (name, "read alone, steps", *steps)]
         rows.append((name, "beside the robot", *_worst(beside)))
+        for where, of in (("read alone", read), ("beside the robot", done)):
+            ends.append((name, where, *(anyends.cell(of, (task,)) for task in asked)))
+        shares["code"][name] = met.read(runs[reader].path)["renamed"]
+        shares["agent"][name] = met.read(runs[agent].path)["renamed"]
         tasks = tuple(f"{task} ({name})" for task in suites.ZONE_Z)
         renamed |= {of: done[task] for of, task in zip(tasks, suites.ZONE_Z, strict=True)}
         if agent != FROM_TABLE:
@@ -343,7 +366,27 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
             " Success in training, and on formulas of the same family that were not trained on under their own names: "
             f"{'; '.join(families)}."
         )
-    return "\n\n".join((explained, table(("code", "where", *asked), rows), verdicts(renamed, bars)))
+    rows += [line for whose, of in shares.items() for line in _met_lines(whose, of, asked)]
+    heading = ("where", *asked)
+    parts = (
+        explained,
+        table(("code", *heading), rows),
+        table((f"code: {anyends.CALLED}", *heading), ends),
+        verdicts(renamed, bars),
+    )
+    return "\n\n".join(parts)
+
+
+def _met_lines(whose: str, shares: Mapping[str, Mapping[str, str]], asked: Sequence[str]) -> list[tuple[str, ...]]:
+    """What trainings of codes, or of agents, met of every formula up to renaming; a line for all that met so much."""
+    names: dict[tuple[str, ...], list[str]] = {}
+    for name, of in shares.items():
+        names.setdefault(tuple(of.get(task, "-") for task in asked), []).append(name)
+    labels = ("all" if len(names) == 1 else ", ".join(alike) for alike in names.values())
+    return [
+        ("**rows met, up to names**", f"training of the {whose}: {label}", *cells)
+        for label, cells in zip(labels, names, strict=True)
+    ]
 
 
 def _worst(values: np.ndarray) -> tuple[str, ...]:

@@ -34,6 +34,7 @@ def memory(names: Sequence[str], runs: Mapping[str, Stored]) -> str:
             share(own_family(run, MODE)),
             text(run.by_seed("violation_rate")),
             text(run.by_seed("env_termination_rate")),
+            text(run.by_seed("timeout_rate")),
             text(run.by_seed("success_length"), 0),
             text(run.by_seed("discounted_return")),
             "-" if run.sizes is None else f"{run.sizes.others:,}",
@@ -49,8 +50,8 @@ def memory(names: Sequence[str], runs: Mapping[str, Stored]) -> str:
     mode = {name: own_family(run, MODE) for name, run in alike.items()}
     returns = {name: run.by_seed("discounted_return") for name, run in alike.items()}
     heading = (
-        *("policy", "state", "success", "success of the mode", "violation", "ended by env", "steps", "return"),
-        *("parameters", *COST),
+        *("policy", "state", "success", "success of the mode", "violation", "ended by env", "time-out"),
+        *("steps", "return", "parameters", *COST),
     )
     apart = (
         "A policy that was trained with another state than the others is not compared with them: its line tells of "
@@ -82,7 +83,8 @@ def _what_they_are(runs: Mapping[str, Stored]) -> str:
         if len(rising) == len(rises)
         else f"It still rose of {', '.join(rising) or 'none'}."
     )
-    own = next((met.read(run.path).get("own") for run in runs.values()), None)
+    shares = next((met.read(run.path) for run in runs.values()), {})
+    own = shares.get("own")
     carried = (
         f"carried has as many parameters as gru and goes on with its state through the whole episode, one for each "
         f"colour, and learns over {MEMORY_SEGMENT} steps from the state that it had at the first of them, where t2tl "
@@ -92,14 +94,16 @@ def _what_they_are(runs: Mapping[str, Stored]) -> str:
     )
     known = (
         f" Of the {own['formulas']} formulas of the family that they are tested on, training met {own['renamed']} as a "
-        f"whole under other names, and of {own['without a row met']} no row."
+        f"whole under other names, and of {own['without a row met']} no row; of their open rows it met "
+        f"{shares['renamed'][met.OWN]} up to names, {shares['exactly'][met.OWN]} under their own."
         if own
         else ""
     )
     return (
         f"The window of t2tl and of gru holds the last {MEMORY_STEPS} steps, in which the robot goes "
         f"{MEMORY_STEPS * METRES_A_STEP:.1f} m at most, where the lidar reaches {MEMORY_RANGE} m: it "
-        f"holds little that is out of the lidar's reach. gru reads the same window, anew at every step: {carried}. "
+        f"holds little that is out of the lidar's reach. No longer window was tried. "
+        f"gru reads the same window, anew at every step: {carried}. "
         f"All had {frames / 1e6:.0f} million frames, agents of the broad family {BROAD_FRAMES / 1e6:.0f} and any-zones "
         f"{longest / 1e6:.0f}. Success in training, of {parts[0]} % and of {parts[1]} % of the frames: {rose}. {told}"
         f"{known}"

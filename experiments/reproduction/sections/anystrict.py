@@ -8,6 +8,7 @@ from experiments.reproduction.anytask import met, suites
 from experiments.reproduction.anytask.runs import STRICT
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
+from experiments.reproduction.sections import anyends
 from experiments.reproduction.sections.anycodes import rows_met
 from experiments.reproduction.sections.anytask import SAMPLED, Bar, figures, over_tasks, verdicts
 from experiments.reproduction.stored import Stored
@@ -30,6 +31,8 @@ NOT_MEASURED = """The aim of .95 on chains over WaterWorld's colours that are un
 What any-water comes to on its own family, above, is of formulas that are new under their own names, most of which its
 training met under others."""
 
+NOT_PLAYED = "Not played: the test was no part of that run, so that nothing of it was measured or counted."
+
 PAIRS = tuple((f"{name}{STRICT}", name) for name in TESTS)
 """An agent, and the one whose training kept out the tests themselves alone, by the same settings but for seeds."""
 
@@ -51,11 +54,11 @@ def strict(runs: Mapping[str, Stored]) -> str:
         for name, of in played.items():
             shares = met.read(runs[name].path)
             for called, tasks in TESTS[second].items():
-                success, worst = "not played yet", "-"
+                success, worst = "not played", "-"
                 if set(tasks) <= of.keys():
                     success = over_tasks(of, tasks, SAMPLED, "success_rate").text()
                     worst = f"{min(float(np.nanmin(of[task][SAMPLED]['success_rate'])) for task in tasks):.3f}"
-                rows.append((name, called, rows_met(shares, tasks), success, worst))
+                rows.append((name, called, rows_met(shares, tasks), success, worst, *anyends.shares(of, tasks)))
             asked = [task for tasks in TESTS[second].values() for task in tasks]
             known = [task for task in asked if all(task in each for each in played.values())]
             if known:
@@ -63,8 +66,10 @@ def strict(runs: Mapping[str, Stored]) -> str:
                 values[name] = dict(zip(runs[name].seeds, means.tolist(), strict=True))
     if not rows:
         return ""
-    shown = table(("agent", "tests", "rows met, up to names", "success", "worst seed and task"), rows)
+    heading = ("agent", "tests", "rows met, up to names", "success", "worst seed and task")
+    shown = table((*heading, "violation", "ended by env", "time-out"), rows)
     gaps = differences({name: runs[name] for name in values}, list(PAIRS), values, "success, mean of these tests")
     water = f"any-water{STRICT}"
     aim = verdicts(figures(runs[water]), BARS) if water in runs else NOT_MEASURED
-    return "\n\n".join(part for part in (shown, aim, gaps, NOTE) if part)
+    unplayed = NOT_PLAYED if any("not played" in row for row in rows) else ""
+    return "\n\n".join(part for part in (shown, unplayed, aim, gaps, NOTE) if part)

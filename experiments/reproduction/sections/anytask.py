@@ -303,10 +303,11 @@ def certified(name: str, runs: Mapping[str, Stored]) -> str:
     made = tested.read(runs[name].path).get(tested.CERTIFIED)
     if made is None:
         return "The run that is stored has none."
-    maps = getattr(runs[name].config.env, "pool_size", None)
+    maps, shares = getattr(runs[name].config.env, "pool_size", None), met.read(runs[name].path)
     rows = [
         (
             task,
+            *_met(shares, task),
             Estimate(**one["success"]).text(5),
             Estimate(**one["violation"]).text(5),
             *(f"{one[what] / made['episodes']:.5f}" for what in ("timeouts", "env_terminations")),
@@ -316,7 +317,7 @@ def certified(name: str, runs: Mapping[str, Stored]) -> str:
     number = 2 * len(rows)
     return "\n\n".join(
         (
-            table(("task", "success", "violation", "time-out", "ended by env"), rows),
+            table(("task", "rows met", "renamed", "success", "violation", "time-out", "ended by env"), rows),
             f"{made['policy']} policy of seed {made['seed']}, {made['episodes']:,} episodes a task, on "
             f"{'the' if maps is None else f'{maps:,}'} maps that are kept for evaluation, each of which comes again "
             "and again: the bounds are about these maps, and not about all that can be drawn. Certified are "
