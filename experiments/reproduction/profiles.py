@@ -44,8 +44,10 @@ def _profiled(stored: Mapping[str, Any], file: Path) -> str:
         rate = of["frames"] / of["seconds"]
         seeds = f"{of['seeds']} seed{'s' * (of['seeds'] > 1)}"
         parts += [
-            f"`{name}`, {seeds}: {of['frames']:,} frames in {_ms(of['seconds'])} ({_ms(of['fastest'])} to "
-            f"{_ms(of['slowest'])}), {rate:,.0f} frames/s.{_kernels(of)}",
+            paragraph(
+                f"`{name}`, {seeds}: {of['frames']:,} frames in {_ms(of['seconds'])} ({_ms(of['fastest'])} to "
+                f"{_ms(of['slowest'])}), {rate:,.0f} frames/s.{_kernels(of)}"
+            ),
             _table(of, peaks),
         ]
     return "\n\n".join([*parts, origin([stored["where"]])])
