@@ -87,13 +87,13 @@ def _main(texts: list[str]) -> int:
 
     with StopRequest(notice="stopping; nothing will be stored") as stop:
         try:
-            stop.call(lambda: _evaluate(arguments), "while evaluating")
+            stop.call(lambda: _evaluate(arguments, texts), "while evaluating")
         except Interrupted:
             return stop.leave(0)
     return 0
 
 
-def _evaluate(arguments: Arguments) -> None:
+def _evaluate(arguments: Arguments, texts: Sequence[str]) -> None:
     with quiet_imports():
         import experiments.configs  # noqa: F401, registers what runs are made of
         from experiments.cli import compilation_cache
@@ -109,7 +109,7 @@ def _evaluate(arguments: Arguments) -> None:
     compilation_cache.use(stored.run.compilation_cache)
     result = train.load(arguments.run, **_changes(stored, arguments))
     if arguments.tasks is not None or arguments.certify:
-        _evaluate_tasks(arguments, folder, stored, result)
+        _evaluate_tasks(arguments, texts, folder, stored, result)
         return
     chosen = tuple(result.params) if arguments.which == "both" else (arguments.which,)
     length = result.config.episode_length
@@ -137,10 +137,10 @@ def _evaluate(arguments: Arguments) -> None:
         print(f"drawn: {folder.gif}")
 
 
-def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any) -> None:
-    """Play a list of tasks, or certify them; what is printed is stored as well."""
+def _evaluate_tasks(arguments: Arguments, texts: Sequence[str], folder: Any, stored: Any, result: Any) -> None:
+    """Play a list of tasks, or certify them; what is printed is stored as well, certificates with what was typed."""
     from experiments import evaluate_tasks
-    from t2tl_jax.runs import evaluations
+    from t2tl_jax.runs import evaluations, provenance
     from t2tl_jax.training.seeds import parse_seeds
 
     tasks = None if arguments.tasks is None else evaluate_tasks.listed(arguments.tasks)
@@ -150,6 +150,7 @@ def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any)
 
     if arguments.certify or tasks is None:
         one: Any = "best" if arguments.which == "best" else "final"
+        where = provenance.describe(["python", "-m", "experiments.evaluate", *texts])
         made = evaluate_tasks.certify(
             result,
             stored,
@@ -160,7 +161,7 @@ def _evaluate_tasks(arguments: Arguments, folder: Any, stored: Any, result: Any)
             arguments.certify,
             arguments.pools,
         )
-        evaluate_tasks.store_certificates(folder, settings(one, arguments.certify), made)
+        evaluate_tasks.store_certificates(folder, settings(one, arguments.certify), {"where": where, **made})
         print(f"stored: {folder.certificates}")
         return
     chosen = tuple(result.params) if arguments.which == "both" else (arguments.which,)

@@ -22,7 +22,10 @@ from t2tl_jax.training.seeds import CERTIFICATE, stream_keys
 from t2tl_jax.training.types import Params
 
 BATCH = 25_000
-"""The most episodes that are played side by side."""
+"""The most episodes that are played side by side on an accelerator."""
+
+CPU_BATCH = 250
+"""The same on a CPU, where a batch costs as much for every episode until its last one has ended."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class Certificates:
     """By what each task is called."""
     episodes: int
     """Of each task."""
+    batch: int
+    """So many of them were played side by side."""
     compile_seconds: float
     """Until the program was ready."""
     seconds: float
@@ -69,6 +74,7 @@ def certify(
     episodes: int,
     episode_length: int,
     deterministic: bool,
+    batch: int | None = None,
 ) -> Certificates:
     """Play `episodes` independent episodes of every task, and bound the rates by Clopper and Pearson.
 
@@ -83,6 +89,8 @@ def certify(
         episodes: of each task.
         episode_length: time limit in steps.
         deterministic: whether to take the mode of the policy instead of a sample.
+        batch: so many episodes are played side by side at most; `BATCH` by default, or `CPU_BATCH` on a CPU. Each batch
+            has random numbers of its own.
 
     Raises:
         UserError: where every episode would be the same one.
@@ -94,7 +102,7 @@ def certify(
         )
     experiment = experiment.with_table(next(iter(tables.values())))
     env, agent, discount = experiment.task_env, experiment.player, experiment.config.learner.discount
-    size = min(BATCH, episodes)
+    size = min(batch or (CPU_BATCH if jax.default_backend() == "cpu" else BATCH), episodes)
 
     def counts(params: Params, env_params: TaskParams, key: jax.Array, counted: jax.Array) -> jax.Array:
         """Of the first `counted` episodes of a batch: int32[3], successes, violations, ends by the environment."""
@@ -116,7 +124,7 @@ def certify(
     ]
     totals = {task: sum(program(own, tasks, *batch) for batch in batches) for task, tasks in given.items()}
     by_task = {task: _certificate(np.asarray(total), episodes, 2 * len(tables)) for task, total in totals.items()}
-    return Certificates(by_task, episodes, compiled - started, time.perf_counter() - compiled)
+    return Certificates(by_task, episodes, size, compiled - started, time.perf_counter() - compiled)
 
 
 def _certificate(counts: np.ndarray, episodes: int, intervals: int) -> Certificate:

@@ -104,6 +104,8 @@ def test_a_list_of_tasks_is_a_table(finished, evaluate_run, read_json, tmp_path,
     (made,) = read_json(finished / "certificates.json")["certificates"]
     assert list(made["by_task"]) == tasks and made["by_task"]["phi_safe"]["success"]["count"] == 50
     assert made["policy"] == "sampled" and made["episodes"] == 50 and "task" not in made["settings"]
+    assert made["where"]["command"][:3] == ["python", "-m", "experiments.evaluate"] and made["where"]["git_revision"]
+    assert made["where"]["command"][-2:] == ["--certify", "50"]
 
 
 @pytest.mark.slow

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from experiments.reproduction.stored import unclean
+from experiments.reproduction.sections.anycertified import made_afterwards
+from experiments.reproduction.stored import Stored, unclean
+from t2tl_jax.runs.folder import RunFolder
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
@@ -15,11 +17,14 @@ BENCHMARKS = sorted(RESULTS.glob("*.json"))
 
 
 def sessions():
-    """Of every session of a stored run, and of every benchmark: its folder or file, and its versions."""
+    """Of every session of a stored run, of certificates made of it afterwards, and of every benchmark: its folder or
+    file, and its versions."""
     for path in RUNS:
         versions = json.loads((path / "versions.json").read_text(encoding="utf-8"))
         for session in (versions["started"], *versions.get("resumed", [])):
             yield path, session
+        for made in made_afterwards(Stored(path)):
+            yield RunFolder(path).certificates, made["where"]
     for file in BENCHMARKS:
         yield file, json.loads(file.read_text(encoding="utf-8"))["where"]
 

@@ -133,16 +133,15 @@ def fate() -> Callable[..., certificates.Certificates]:
     config = Config(env=EnvConfig(), task="!Down U Up", learner=PPOConfig(), seeds="2", episode_length=4)
     experiment = Experiment(config, env, tables["!Down U Up"], IDLE, None)
 
-    def certify(episodes: int, deterministic: bool = False) -> certificates.Certificates:
-        return certificates.certify(experiment, np.zeros(2), 1, tables, episodes, 4, deterministic)
+    def certify(episodes: int, deterministic: bool = False, batch: int | None = None) -> certificates.Certificates:
+        return certificates.certify(experiment, np.zeros(2), 1, tables, episodes, 4, deterministic, batch)
 
     return certify
 
 
 @pytest.mark.slow
-def test_certificates_hold(fate, monkeypatch):
-    monkeypatch.setattr(certificates, "BATCH", 700)  # 2,000 are two batches and most of a third
-    found = fate(2000)
+def test_certificates_hold(fate):
+    found = fate(2000, batch=700)  # 2,000 are two batches and most of a third
     one, other = found.by_task.values()
     assert one.successes + one.violations + one.env_terminations + one.timeouts == 2000
     assert (one.successes, one.violations) == (other.violations, other.successes)
@@ -150,8 +149,9 @@ def test_certificates_hold(fate, monkeypatch):
     for estimate, truth in ((one.success, SUCCESS), (one.violation, VIOLATION)):
         assert estimate.low < truth < estimate.high and estimate.high - estimate.low < 0.07
     assert abs(one.env_terminations / 2000 - BROKEN) < 0.03
-    monkeypatch.setattr(certificates, "BATCH", 2000)
-    assert fate(2000).by_task["!Down U Up"].successes != one.successes  # batches have random numbers of their own
+    assert found.batch == 700 and fate(2000).batch == certificates.CPU_BATCH
+    whole = fate(2000, batch=2000).by_task["!Down U Up"]
+    assert whole.successes != one.successes  # batches have random numbers of their own
 
 
 def test_repeats_of_one_episode_are_no_certificate(fate, monkeypatch):

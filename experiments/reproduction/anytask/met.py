@@ -5,7 +5,7 @@ what was drawn by chance and what was kept out both count.
 """
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -213,3 +213,9 @@ def read(folder: Path) -> Shares:
     """What is stored of it; nothing where there is no file."""
     file = folder / FILE
     return read_json(file) if file.is_file() else {"exactly": {}, "renamed": {}, "rows": {}}
+
+
+def cells(shares: Mapping[str, Mapping[str, Any]], task: str) -> tuple[str, str]:
+    """Two cells of a table, of what `read` gives: of a task's open rows, how many were met; and up to names."""
+    exactly, renamed = (shares[kind].get(task, "-") for kind in ("exactly", "renamed"))
+    return exactly, renamed

@@ -14,7 +14,7 @@ from experiments.reproduction.anytask import met, suites, tested
 from experiments.reproduction.cells import COST, cost
 from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
-from t2tl_jax.evaluation.statistics import CONFIDENCE, Estimate, mean, mean_rate, two_way_mean
+from t2tl_jax.evaluation.statistics import Estimate, mean, mean_rate, two_way_mean
 from t2tl_jax.networks.lookahead import LookaheadConfig
 
 SAMPLED, MODE = "sampled", "deterministic"
@@ -122,7 +122,7 @@ def _tasks_of_run(
         return ""
     run = runs[name]
     of, shares = figures(run), met.read(run.path)
-    rows = [(task, *_met(shares, task), *_cells(by), *_beside(others, task)) for task, by in of.items()]
+    rows = [(task, *met.cells(shares, task), *_cells(by), *_beside(others, task)) for task, by in of.items()]
     for called, tasks in means.items():
         if set(tasks) <= of.keys():
             met_of = [_met_of_all(shares[kind], tasks) for kind in ("exactly", "renamed")]
@@ -156,11 +156,6 @@ def _tells_no_goals(run: Stored) -> bool:
         and isinstance(encoder, LookaheadConfig)
         and not (encoder.one_at_a_time or encoder.letters)
     )
-
-
-def _met(shares: Mapping[str, Mapping[str, Any]], task: str) -> tuple[str, str]:
-    exactly, renamed = (shares[kind].get(task, "-") for kind in ("exactly", "renamed"))
-    return exactly, renamed
 
 
 def _met_of_all(shares: Mapping[str, Any], tasks: Sequence[str]) -> str:
@@ -294,38 +289,6 @@ def state_of(run: Stored) -> str:
     """What the policy reads of observations."""
     learner: Any = run.config.learner
     return type(learner.network.state).__name__.removesuffix("Config").lower()
-
-
-def certified(name: str, runs: Mapping[str, Stored]) -> str:
-    """Exact bounds for the policy of one seed."""
-    if name not in runs:
-        return ""
-    made = tested.read(runs[name].path).get(tested.CERTIFIED)
-    if made is None:
-        return "The run that is stored has none."
-    maps, shares = getattr(runs[name].config.env, "pool_size", None), met.read(runs[name].path)
-    rows = [
-        (
-            task,
-            *_met(shares, task),
-            Estimate(**one["success"]).text(5),
-            Estimate(**one["violation"]).text(5),
-            *(f"{one[what] / made['episodes']:.5f}" for what in ("timeouts", "env_terminations")),
-        )
-        for task, one in made["by_task"].items()
-    ]
-    number = 2 * len(rows)
-    return "\n\n".join(
-        (
-            table(("task", "rows met", "renamed", "success", "violation", "time-out", "ended by env"), rows),
-            f"{made['policy']} policy of seed {made['seed']}, {made['episodes']:,} episodes a task, on "
-            f"{'the' if maps is None else f'{maps:,}'} maps that are kept for evaluation, each of which comes again "
-            "and again: the bounds are about these maps, and not about all that can be drawn. Certified are "
-            f"{', '.join(made['by_task'])}, and no other formula. Exact binomial intervals (Clopper and Pearson), all "
-            f"{number} of which hold at once with {CONFIDENCE:.0%}. Played in {made['seconds']:.0f} s after "
-            f"{made['compile_seconds']:.0f} s of compiling, beside other work on the same GPU.",
-        )
-    )
 
 
 FEWEST = "fewest steps that the maps allow (a bound, computed)"
