@@ -87,7 +87,7 @@ def _main(texts: list[str]) -> int:
     json_file.check(config.json)
     with explained():
         resolve_task(config.task or TASKS[config.env])  # a mistake is answered before JAX is loaded
-        report(config)
+        report(config, texts)
     return 0
 
 
@@ -124,14 +124,19 @@ def make_env(config: BenchmarkConfig, physics: Physics) -> Any:
     return TaskEnv(world, compile_tasks(resolve_task(config.task), world.propositions, world.alphabet))
 
 
-def report(config: BenchmarkConfig) -> list[dict[str, Any]]:
-    """Measure every combination, print a table, and write it to a file on request. Returns the rows of the table."""
+def report(config: BenchmarkConfig, texts: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Measure every combination, print a table, and write it to a file on request. Returns the rows of the table.
+
+    Args:
+        config: what is measured.
+        texts: what was typed behind the command, for the file.
+    """
     config = resolve(config)
     from experiments.benchmarks.env_speed import measure
     from t2tl_jax.runs import provenance
 
     envs = {physics: make_env(config, physics) for physics in config.physics}
-    where = provenance.describe()
+    where = provenance.describe(["python", "-m", "experiments.benchmarks.env", *texts])
     shown = {name: where["packages"][name] for name in ("jax", "mujoco", "mujoco-mjx", "brax")}
     devices = f"device {len(where['devices'])} x {where['devices'][0]} ({where['backend']}), which share each batch"
     print(", ".join([devices, f"python {where['python']}", *(f"{name} {value}" for name, value in shown.items())]))

@@ -8,10 +8,12 @@ Nothing is learned: a learner that stays below these numbers leaves something to
 import dataclasses
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 
+from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
 from t2tl_jax.errors import explained
@@ -45,6 +47,8 @@ class ScriptConfig:
     """Radius of each colour's balls; empty means 15 for all."""
     seed: int = 0
     """Seed of the maps and of the random actions."""
+    json: Path | None = None
+    """Also write the results to this file."""
 
     def __post_init__(self) -> None:
         if not self.tasks:
@@ -119,26 +123,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(texts: list[str]) -> int:
     config = parse(ScriptConfig, texts, prog="python -m experiments.paper.scripted_player", description=__doc__)
+    json_file.check(config.json)
     with explained():
-        report(config)
+        found = report(config)
+    json_file.store(config, "experiments.paper.scripted_player", texts, found=found)
     return 0
 
 
-def report(config: ScriptConfig) -> None:
-    """Play every task with both players and print a table."""
+def report(config: ScriptConfig) -> dict[str, dict[str, dict[str, float]]]:
+    """Play every task with both players and print a table; what each came to, by task and player."""
     world = WaterWorld(WaterWorldConfig(layout="random", pool_size=0, radii=config.radii))
     tables = [compile_tasks(resolve_task(task), world.propositions, world.alphabet) for task in config.tasks]
     print(f"{config.episodes} episodes of at most {config.episode_length} steps each, all on different maps")
     print(f"{'task':<16} {'player':<8} {'return':>7} {'success':>8} {'violation':>10} {'steps':>7}")
+    found: dict[str, dict[str, dict[str, float]]] = {}
     for task, table in zip(config.tasks, tables, strict=True):
         env = TaskEnv(world, table)
+        found[task] = {}
         for name, player in (("random", random_player), ("script", scripted_player)):
             result = play(env, player, config.episodes, config.episode_length, config.seed)
+            found[task][name] = dataclasses.asdict(result)
             print(
                 f"{task:<16} {name:<8} {result.total:>7.2f} {result.success:>8.3f} {result.violation:>10.3f} "
                 f"{result.length:>7.1f}",
                 flush=True,
             )
+    return found
 
 
 if __name__ == "__main__":

@@ -382,6 +382,6 @@ def largest(results: Path) -> list[tuple[str, str, str]]:
             size = max(sizes, key=lambda size: int(size.split()[0].replace(",", "")))
             speeds = " / ".join(measured.three_digits(rates[size, of]) for of in WORLDS)
             count = size.removesuffix(" at once")
-            title = f"Random play, {count} environments: {' / '.join(WORLDS.values())}"
+            title = f"Random play on one map, {count} environments: {' / '.join(WORLDS.values())}"
             shown = [(title, where["devices"][0].replace("NVIDIA ", ""), f"{speeds} steps/s")]
     return shown

@@ -61,3 +61,10 @@ def test_the_commits_are_of_this_history():
     assert foreign == set()
     if missing:
         pytest.skip(f"a shallow clone without {len(missing)} of the commits that results were made from")
+
+
+@pytest.mark.parametrize("file", BENCHMARKS, ids=lambda file: file.name)
+def test_commands_of_measurements_name_no_place_on_a_machine(file):
+    """They stand in the documentation as they were typed."""
+    command = json.loads(file.read_text(encoding="utf-8"))["where"].get("command", [])
+    assert [word for word in command if "/" in word and Path(word).is_absolute()] == []
