@@ -427,3 +427,13 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     assert "**not reached**" not in anycodes.text_alone(runs)
     runs[agent].seeds = (5, 6, 7, 8)
     assert anycodes.text_alone(runs) == anycodes.text_alone({}) == ""
+
+
+def test_the_script_beside_the_agent_of_waterworld_is_as_it_was_measured():
+    found = json.loads((stored.REPOSITORY / "results" / "script_water.json").read_text(encoding="utf-8"))
+    script = found["found"]["phi_water"]["script"]
+    assert found["settings"]["radii"] == [] and found["settings"]["episodes"] >= 1000
+    assert (round(script["success"], 3), round(script["length"])) == (
+        published.SCRIPT_WATER.success,
+        published.SCRIPT_WATER.steps,
+    )

@@ -64,7 +64,9 @@ ANY_ITEMS: dict[str, Item] = {
     "any-waterworld": Item(
         "WaterWorld, random maps",
         ("any-water",),
-        anytask.tasks_of_run("any-water", {"a script": {"phi_water": published.SCRIPT_WATER}}, anytask.WATER_BARS),
+        anytask.tasks_of_run(
+            "any-water", {published.SCRIPT: {"phi_water": published.SCRIPT_WATER}}, anytask.WATER_BARS
+        ),
     ),
     "any-strict": Item(
         "Unseen in the strict sense: no row of the tests was drawn in training, under no names",

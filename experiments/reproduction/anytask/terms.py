@@ -102,7 +102,9 @@ See `experiments/paper/published_any.py`.
 - DeepLTL's, RAD's, GCRL-LTL's and LTL2Action's come from DeepLTL's own result files, deterministic in ZoneEnv.
   LTL2Action is as DeepLTL's authors trained it again, on a family that is not named, but for the walled ZoneEnv.
 - GenZ-LTL are its shipped models, played by this project in the closed form of the same physics, five models with 500
-  maps each. These figures are not published, and their episodes not stored; nor are those of the script in WaterWorld.
+  maps each. These figures are not published, and their episodes not stored.
+- The script in WaterWorld is `experiments.paper.scripted_player`, played by this project; its steps are of all of its
+  episodes.
 - Means of others over several formulas are of the figures shown. The return beside them counts 0 for an episode that
   fails.
 - letters_reach_12 and letters_avoid_6 are inferred from their names, R-12 and RA-6. Ours have 150 and 75 moves; which
