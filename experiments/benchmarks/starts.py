@@ -1,7 +1,7 @@
 """How long a training takes to start, for the first time and once more: ``python -m experiments.benchmarks.starts``.
 
-Each start is a process of its own, from its beginning until the first iteration is done. The first finds no compiled
-programs, the second those that the first left on disk, as runs leave them to later ones. Pre-training does not count.
+Each start is a process of its own that trains for one iteration. The first finds no compiled programs, the second those
+that the first left on disk, as runs leave them to later ones. Pre-training does not count.
 """
 
 import json
@@ -69,7 +69,7 @@ def _main(texts: list[str]) -> int:
             for which in WHICH:
                 found[text][which] = in_a_process(text, arguments.seeds, folder)
                 print(f"{text}, {which} start: {_said(found[text][which])}", flush=True)
-    json_file.store(arguments, "experiments.benchmarks.starts", texts, starts=found)
+                json_file.store(arguments, "experiments.benchmarks.starts", texts, starts=found)
     return 0
 
 
@@ -92,9 +92,14 @@ def in_a_process(text: str, seeds: int, folder: str) -> dict[str, float]:
         capture_output=True,
         text=True,
     )
-    if done.returncode:
+    took = time.perf_counter() - begin
+    try:
+        told = json.loads(done.stdout.splitlines()[-1])
+    except (IndexError, ValueError):
+        told = None
+    if done.returncode or not isinstance(told, dict):
         raise UserError(f"{text}: a process that should start it ended with {done.returncode}: {done.stderr[-2000:]}")
-    return json.loads(done.stdout.splitlines()[-1]) | {"process": time.perf_counter() - begin}
+    return told | {"process": took}
 
 
 def start(config: Any) -> dict[str, float]:

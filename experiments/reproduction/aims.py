@@ -55,12 +55,8 @@ STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 
 NOTE = """Frames/s are those of the newest measurement. An aim for compiling or starting is reached where every
 measurement that is stored is within it, since they vary with the processor of the host and what else it does. A start
-counts from the beginning of a process until its first iteration is done, without pre-training. What is left of a second
-one is mostly loading Python's modules and tracing, which no cache spares."""
-
-HOSTS = """Starts were measured on two hosts (`python -m experiments.benchmarks.starts`). On the faster one, of the
-lower figures, trainings compiled and ran on the other GPU. On the slower one T1TL's starts had nothing beside them, and
-T2TL's had four trainings; there the command was stopped before it wrote its file, and what it had printed is stored."""
+is a whole process that trains for one iteration, without pre-training (`python -m experiments.benchmarks.starts`). Most
+of a second one is loading Python's modules and tracing, which no cache spares."""
 
 LAYERS = """Most of T1TL's compiling is the choice of a kernel for each of about a hundred matrix products, most of them
 of the task's Transformer, whose four layers are written out. Layers in a loop would halve the products; on a CPU they
@@ -81,9 +77,14 @@ def aims(results: Path) -> str:
     if not lines:
         return "Not measured yet."
     shown = table(("what", "size", "hardware", "aim", "measured", ""), lines)
-    files = sorted(results.glob(STARTS))
-    starts = [paragraph(HOSTS), origin([read_json(file)["where"] for file in files])] if files else []
-    parts = (shown, paragraph(NOTE), *starts, paragraph(" ".join((LAYERS, _without_triton(results, found, begun)))))
+    files = {file.name: read_json(file) for file in sorted(results.glob(STARTS))}
+    told = [f"{name}: {of[word]}" for name, of in files.items() for word in ("beside", "note") if word in of]
+    starts = [*told, *([origin([of["where"] for of in files.values()])] if files else [])]
+    parts = (
+        shown,
+        *map(paragraph, (NOTE, *starts)),
+        paragraph(" ".join((LAYERS, _without_triton(results, found, begun)))),
+    )
     return "\n\n".join(parts)
 
 
@@ -130,9 +131,9 @@ def _lines(aim: Aim, rows: list[measured.Row], begun: list[Starts]) -> Iterator[
     elif aim.again is not None:
         second = [starts["second"] for starts in begun if "second" in starts]
         if second:
-            each = (f"{one['done']:.1f} s ({one['compiling']:.1f} s for compiled programs)" for one in second)
-            done = max(one["done"] for one in second)
-            yield line(f"second start within {aim.again:g} s", ", ".join(each), done <= aim.again)
+            each = (f"{one['process']:.1f} s ({one['compiling']:.1f} s for compiled programs)" for one in second)
+            longest = max(one["process"] for one in second)
+            yield line(f"second start within {aim.again:g} s", ", ".join(each), longest <= aim.again)
 
 
 def _without_triton(results: Path, found: Mapping[Key, list[measured.Row]], begun: Mapping[Key, list[Starts]]) -> str:
@@ -146,7 +147,16 @@ def _without_triton(results: Path, found: Mapping[Key, list[measured.Row]], begu
     for row in rows:
         key = tuple(where["devices"]), row.what, row.size
         if key in starts and key in begun and found.get(key):
-            without, usual = (of[key][0]["first"]["compiling"] for of in (starts, begun))  # of the same host
+            without, usual = (of[key][0]["first"]["compiling"] for of in (starts, begun))
             rates = " instead of ".join(measured.three_digits(one.rate) for one in (row, found[key][-1]))
-            said.append(f"`{row.what}` compiles in {without:.1f} instead of {usual:.1f} s and makes {rates} frames/s")
-    return f"Without Triton's products (`XLA_FLAGS={where['xla_flags']}`) {'; '.join(said)}." if said else ""
+            once = "" if row.compile_s is None else f" ({row.compile_s:.1f} s when it was benchmarked)"
+            said.append(
+                f"`{row.what}` compiles in {without:.1f} instead of {usual:.1f} s{once} and makes {rates} frames/s"
+            )
+    flags = where.get("xla_flags", "")
+    return (
+        f"Without Triton's products (`XLA_FLAGS={flags}`), beside what other commits made on other days: "
+        f"{'; '.join(said)}."
+        if said
+        else ""
+    )

@@ -65,7 +65,7 @@ def again_name(name: str) -> str:
 
 AGENTS = (
     *(f"zone-{method}" for method in ZONE_METHODS),
-    *(f"water-{method}" for method in WATER_METHODS),
+    *(again_name(f"water-{method}") for method in WATER_METHODS),
     *ANY_AGENTS,
 )
 """The runs whose agents are kept, to be played by others."""

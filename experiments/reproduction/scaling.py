@@ -202,7 +202,7 @@ def _less_busy(results: Path, shared: Sequence[Pair]) -> str:
     lost = " So what is missing is lost on each device, which fewer seeds keep less busy, and hardly between them."
     return paragraph(
         "If devices did not wait for one another, each would be as fast as one device with its share of the seeds, "
-        f"which other commits measured in part, and together they would make {'; '.join(said)}.{lost * all(kept)}"
+        f"by the newest measurement of that, and together they would make {'; '.join(said)}.{lost * all(kept)}"
     )
 
 

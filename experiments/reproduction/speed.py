@@ -159,7 +159,8 @@ def whole(runs: Mapping[str, Stored]) -> str:
         f"All {len(trained)} runs: {sum(training.values()):.0f} minutes of training and {compiles:.0f} of compiling, "
         f"summed over runs. By when each began they kept GPUs busy for {gpu_minutes(list(trained.values())):.0f} "
         "minutes, with several beside each other on a GPU or, where fewer were left, one; evaluation and starting are "
-        "not counted. The aim was 90 minutes of one H200, and is not reached. The longest, in minutes: "
+        "not counted. The search, repeated runs and some on another kind of GPU are among them. The aim was 90 minutes "
+        "of one H200, and is not reached. The longest, in minutes: "
         f"{', '.join(f'{name} {training[name]:.0f}' for name in longest)}.{_benchmark_steps(trained)}"
     )
 
@@ -244,15 +245,15 @@ def _by_layout(stored: Sequence[Mapping[str, Any]]) -> str:
             key += settings["env"], row["physics"], row["num_envs"]
             rates.setdefault(key, {})[settings["layout"]] = row["steps_per_s"]
     said = [
-        f"{key[-3]}, {key[-2]}, {key[-1]:,} at once: {of['fixed'] / of['random']:.2f} times"
+        f"{key[-3]}, {key[-2]}, {key[-1]:,} at once {of['fixed'] / of['random']:.2f}"
         for key, of in rates.items()
         if {"fixed", "random"} <= of.keys()
     ]
     if not said:
         return ""
     return paragraph(
-        "Where a table does not say otherwise, its map is fixed. A step takes longer where every reset draws a map, "
-        f"since every environment computes a reset at every step: {'; '.join(said)}."
+        "Where a table does not say otherwise, its map is fixed. Where a reset draws a map, computed for every "
+        f"environment at every step, a step takes so many times as long: {'; '.join(said)}."
     )
 
 

@@ -26,7 +26,7 @@ def test_a_second_start_finds_the_programs_of_the_first(tmp_path):
 
 
 def stored(folder, name, compiling, second):
-    of = {"first": {"compiling": compiling}, **({"second": {"done": second, "compiling": 1.0}} if second else {})}
+    of = {"first": {"compiling": compiling}, **({"second": {"process": second, "compiling": 1.0}} if second else {})}
     content = {"where": WHERE, "settings": {"seeds": 12}, "starts": {aims.T1TL: of}}
     (folder / name).write_text(json.dumps(content))
 

@@ -15,17 +15,17 @@ def other_worlds() -> str:
     means = {method: published.mean_of(list(of.values())) for method, of in published.KINEMATIC_NM.items()}
     rates = {method: mean.success for method, mean in means.items() if mean is not None and mean.success is not None}
     return paragraph(
-        "**Newer methods, in other worlds.** What figures of StructLTL, SemLTL and Jaxolotl were at hand are of a "
+        "**Newer methods, in other worlds.** The figures of StructLTL, SemLTL and Jaxolotl that we have are of a "
         "kinematic ZoneEnv, most of them of ZoneEnv-NM, where entering purple takes the green discs away. Success "
         "there, mean of z1 to z6, s7 and s8 in its colours, from result files of StructLTL's repository (10 seeds "
-        f"with 512 episodes, sampled): {_listed(rates)}. A summary of Jaxolotl's paper, which itself was not at hand, "
+        f"with 512 episodes, sampled): {_listed(rates)}. A summary of Jaxolotl's paper "
         f"has for ZoneEnv-NM {_listed(published.JAXOLOTL_NM)}, and for its ZoneEnv without that rule "
-        f"{_listed(published.JAXOLOTL_ZONES, 2)}; of which formulas is not known. Of PlatoLTL no figures were at "
-        "hand. None of this was played by us, and ours was not played there. These figures do not compare with ours. "
+        f"{_listed(published.JAXOLOTL_ZONES, 2)}; for which formulas, it does not say. Of PlatoLTL we have no figures. "
+        "None of this was played by us, and ours was not played there. These figures do not compare with ours. "
         "The robot turns at once there, and goes up to 0.058 m in a step, ours 0.030 m: with the same limit of 1,000 "
         "steps it gets nearly twice as far. There is no compass and no sensor of the walls, leaving the arena ends the "
-        "episode without a reward of -1, and discs that vanish make an early choice matter. So nothing on this page "
-        "says that our agents are better than these methods: where they are above others, it is those of the tables."
+        "episode without a reward of -1, and discs that vanish make an early choice matter. So this page "
+        "compares with none of these methods in that world; its tables compare with some of them in other worlds."
     )
 
 
@@ -92,8 +92,7 @@ Tested on small problems alone: two codes side by side (`joined`), other names o
 (`renaming`), a curriculum of stages with sampling by failure, balls that are asked by attention instead of pooled, and
 the network over balls in DQN. In the table of codes no agent is strict: training met rows of most levels, which stand
 beside them, and what a code comes to on rows that it never met under any names is known of the look-ahead alone.
-Certificates are of one seed of any-zones, any-letters, any-water and any-walls each, of the formulas named there alone,
-and of any-walls from few episodes. No other agent has one; the parameters of FlatWorld's are not stored.
+A certificate, where there is one, is of one seed.
 
 ### Whose the other figures are
 

@@ -16,8 +16,8 @@ OTHERS = ("any-letters", "any-walls", "any-water", "any-flat")
 """Those of these were made afterwards, if their parameters are stored."""
 
 CHOSEN = (
-    "The formula of `Until_1_2_1_1` is the first of its 36 in the order of their texts, the chain of WaterWorld the "
-    "first of the 32 of its list; of the others of both nothing is bounded."
+    "Where a formula has no name, it is the first of a list: of the 36 of `Until_1_2_1_1` by their texts, or of the 32 "
+    "chains of WaterWorld. Nothing is bounded for the others."
 )
 """Which formulas stand for lists of them."""
 

@@ -41,7 +41,8 @@ how many were a row of any pool of the training, whatever their propositions are
 the same families, of which every formula is left out that is, or can become, a row of a test; so they also learn from
 fewer kinds of last steps, and what they lose, if anything, is not by the tests' novelty alone. Strict agents have seeds
 from 88 on, the others their own, and some were trained on another kind of GPU. In LetterWorld and FlatWorld both
-succeed nearly always, so that little can be seen there. Differences are of the mean over all tests of a world."""
+succeed nearly always, so that little can be seen there. Differences are of the mean over
+those tests of a world that both agents played, in WaterWorld `phi_water` alone."""
 
 
 def strict(runs: Mapping[str, Stored]) -> str:

@@ -33,8 +33,8 @@ def searched(world: str) -> str:
         return paragraph(f"{SEARCHED} {NOT_WHOLE.format(SEARCH_ANCHOR)}")
     own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
     found = (
-        f"it took another one than the shared for {', '.join(own)}. The runs here have the shared one. There the "
-        "orders of the six methods, and no others, are judged again at the rates that it took"
+        f"it took another one than the shared for {', '.join(own)}. All runs of this table have the shared one. The "
+        "section linked repeats the orders of the six methods with each method at the rate that was taken"
         if own
         else "the shared one is best for every method"
     )

@@ -51,7 +51,7 @@ def _what_differs(runs: Mapping[str, Stored]) -> str:
     for cell in step_tables.BY_GOALS:
         labels = {named.step_name(cell, False, method): method for method in named.STEP_METHODS}
         if labels.keys() <= runs.keys():
-            return what_differs(runs, labels, "water")
+            return what_differs(runs, labels, "steps")
     return ""
 
 
