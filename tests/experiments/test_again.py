@@ -2,6 +2,7 @@
 
 import pytest
 
+from experiments.reproduction import claims
 from experiments.reproduction.runs import again_name, all_runs
 from experiments.reproduction.sections import again
 from tests.made_up_runs import played, write
@@ -35,8 +36,18 @@ def test_how_far_solved_seeds_are_apart_is_said_of_those_that_differ_most(twice)
         twice({"rm": (played(1.0, 50.0), played(1.0, 50.0)), "dfa": (played(1.0, 50.0), played(0.2, 9.0))})
     )
     said = " ".join(said.split())
-    assert said.endswith("Equal in every seed: rm, dfa. Solved seeds are apart by 0 to 3 of 3, most for dfa: 3 and 0.")
+    assert "Solved seeds are apart by 0 to 3 of 3, most for dfa (3 and 0). Equal returns in training: rm, dfa." in said
     assert "| water-rm-again |" in said and "water-t1tl" not in said
+
+
+def test_outcomes_that_the_second_runs_flip_are_listed(monkeypatch, twice):
+    runs = twice({name: (played(1.0, 50.0), played(1.0, 50.0)) for name in ("t1tl", "gnn")})
+    values = {"water-t1tl": 2.0, "water-gnn": 1.0, "water-t1tl-again": 1.0, "water-gnn-again": 2.0}
+    score = {name: {seed: value + 0.01 * seed for seed in range(3)} for name, value in values.items()}
+    monkeypatch.setattr(again, "mean_return_at", lambda run, marks: score[run.path.name])
+    monkeypatch.setattr(claims, "worlds", lambda config, seeds: None)
+    said = " ".join(again.once_more(runs).split())
+    assert "water-t1tl > water-gnn (reproduced, with the second runs not reproduced)." in said
 
 
 def test_nothing_is_shown_of_a_method_that_was_trained_once(twice):

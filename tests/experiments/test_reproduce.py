@@ -291,7 +291,7 @@ def test_a_run_starts_from_one_of_the_same_seeds(runs):
 
 def test_agents_that_are_kept_are_those_of_the_methods_tables(runs):
     assert set(AGENTS) <= set(runs) and all(runs[name].evaluated and not runs[name].alone for name in AGENTS)
-    assert set(AGENTS) >= {"zone-t2tl", "zone-dfa_number", "water-dfa_cont"}
+    assert set(AGENTS) >= {"zone-t2tl", "zone-dfa_number", "water-dfa_cont-again"}
 
 
 def test_a_smoke_test_says_so_beside_every_item(tmp_path):
