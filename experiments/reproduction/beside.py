@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from experiments.benchmarks.plans import table as plan_table
 from experiments.methods import apply
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import stored
+from experiments.reproduction.anytask import met
 from experiments.reproduction.cells import text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.measures import frames_to
@@ -183,7 +185,21 @@ def plans(results: Path) -> str:
         {len(seeds)} agent{"s" * (len(seeds) > 1)} of `{measured["run"]}` (seed {tuning.in_words(seeds)}), {count:,}
         episodes of at most {measured["episode_length"]} steps for each formula and policy:
         `python -m experiments.benchmarks.plans {measured["run"]} --json results/plans.json`."""
-    return "\n\n".join((paragraph(note), plan_table(measured), origin([measured["where"]])))
+    parts = (paragraph(note), plan_table(measured), _met_of_plans(results, measured), origin([measured["where"]]))
+    return "\n\n".join(part for part in parts if part)
+
+
+def _met_of_plans(results: Path, measured: Mapping[str, Any]) -> str:
+    """How many open rows of the formulas training met; '' where that was counted of none of them."""
+    shares = met.read(results / "any" / Path(measured["run"]).name)
+    told = [
+        f"{task} {exactly}, {renamed}" for task in measured["tasks"] for exactly, renamed in [met.cells(shares, task)]
+    ]
+    known = [one for one in told if not one.endswith("-, -")]
+    if not known:
+        return ""
+    others = " Of the other formulas that was not counted." if len(known) < len(told) else ""
+    return paragraph(f"Open rows that training met, and up to names: {'; '.join(known)}.{others}")
 
 
 def _interval(ends: list[float], digits: int) -> str:
