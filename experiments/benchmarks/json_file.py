@@ -53,12 +53,21 @@ def store(arguments: Any, command: str, texts: Sequence[str], **found: Any) -> N
     Raises:
         UserError: if that fails.
     """
-    from t2tl_jax.runs import provenance
-
     if arguments.json is None:
         return
-    settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
-    write(
-        arguments.json, {"where": provenance.describe(["python", "-m", command, *texts]), "settings": settings, **found}
-    )
+    write(arguments.json, _content(arguments, command, texts, found))
+    unfinished(arguments.json).unlink(missing_ok=True)
     print(f"written: {arguments.json}")
+
+
+def store_so_far(arguments: Any, command: str, texts: Sequence[str], **found: Any) -> None:
+    """`store` of what is not all yet, in the file beside (`unfinished`), which `store` removes."""
+    if arguments.json is not None:
+        write(unfinished(arguments.json), _content(arguments, command, texts, found))
+
+
+def _content(arguments: Any, command: str, texts: Sequence[str], found: dict[str, Any]) -> dict[str, Any]:
+    from t2tl_jax.runs import provenance
+
+    settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
+    return {"where": provenance.describe(["python", "-m", command, *texts]), "settings": settings, **found}

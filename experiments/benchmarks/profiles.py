@@ -91,7 +91,8 @@ def _main(texts: list[str]) -> int:
             print(
                 f"  {name}: {part['share']:.1%}, {part['gigaflop']:.3f} GFLOP, {part['gigabytes']:.3f} GB", flush=True
             )
-        json_file.store(arguments, "experiments.benchmarks.profiles", texts, peaks=peaks, profiles=found)
+        json_file.store_so_far(arguments, "experiments.benchmarks.profiles", texts, peaks=peaks, profiles=found)
+    json_file.store(arguments, "experiments.benchmarks.profiles", texts, peaks=peaks, profiles=found)
     return 0
 
 

@@ -69,7 +69,8 @@ def _main(texts: list[str]) -> int:
             for which in WHICH:
                 found[text][which] = in_a_process(text, arguments.seeds, folder)
                 print(f"{text}, {which} start: {_said(found[text][which])}", flush=True)
-                json_file.store(arguments, "experiments.benchmarks.starts", texts, starts=found)
+                json_file.store_so_far(arguments, "experiments.benchmarks.starts", texts, starts=found)
+    json_file.store(arguments, "experiments.benchmarks.starts", texts, starts=found)
     return 0
 
 

@@ -56,7 +56,8 @@ def _main(texts: list[str]) -> int:
             for kind in get_args(MinibatchesOf):
                 found.append({"rows": rows, "minibatches_of": kind} | measure(rows, kind, arguments))
                 print(found[-1], flush=True)
-                json_file.store(arguments, "experiments.benchmarks.tables", texts, results=found)
+                json_file.store_so_far(arguments, "experiments.benchmarks.tables", texts, results=found)
+    json_file.store(arguments, "experiments.benchmarks.tables", texts, results=found)
     return 0
 
 

@@ -155,8 +155,8 @@ def _without_triton(results: Path, found: Mapping[Key, list[measured.Row]], begu
             )
     flags = where.get("xla_flags", "")
     return (
-        f"Without Triton's products (`XLA_FLAGS={flags}`), beside what other commits made on other days: "
-        f"{'; '.join(said)}."
+        f"Without Triton's products (`XLA_FLAGS={flags}`) {'; '.join(said)}. The rates that these are compared with "
+        "are of other commits and days."
         if said
         else ""
     )

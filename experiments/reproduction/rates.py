@@ -47,6 +47,6 @@ def own_name(name: str) -> str:
 
 
 def at_its_best(name: str) -> str:
-    """Of a method's main run and the same with the method's own rate the one with the better rate."""
+    """Of a method's main run and the same with the method's own rate the one with the rate that the search took."""
     world, _, method = name.partition("-")
     return own_name(name) if method in OWN_RATE.get(world, {}) else name

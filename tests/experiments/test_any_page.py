@@ -13,12 +13,11 @@ import tests.fake_learner  # noqa: F401
 from envs.zones import OPEN, OPEN_6
 from experiments.paper import published_any as published
 from experiments.reproduction import stored
-from experiments.reproduction.anytask import met, picture, suites, terms, tested, water_chains
-from experiments.reproduction.anytask.runs import PAPER_COLOURS
+from experiments.reproduction.anytask import met, picture, suites, terms, tested
 from experiments.reproduction.changed import changed
 from experiments.reproduction.plan import Run
 from experiments.reproduction.runs import all_runs
-from experiments.reproduction.sections import anycertified, anycodes, anymemory, anytask, anyunread
+from experiments.reproduction.sections import anyalone, anycertified, anycodes, anymemory, anytask, anyunread
 from experiments.reproduction.sections.anytask import Bar
 from experiments.reproduction.sections.figures import found_or_not
 from t2tl_jax.evaluation.statistics import exact_rate
@@ -30,6 +29,7 @@ from t2tl_jax.runs import config_files
 from t2tl_jax.runs.experiment import build
 from tests.fake_learner import CONFIG
 from tests.made_up_runs import write
+from tests.page_cells import cells
 
 
 def figures(success):
@@ -53,12 +53,6 @@ def zones(tmp_path):
     return made
 
 
-def cells(text):
-    """The cells of every row of every table, by its first one."""
-    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
-    return {line[0]: line[1:] for line in lines}
-
-
 def test_the_page_shows_every_formula_beside_the_figures_of_others(zones):
     from experiments.reproduction.items import ITEMS
 
@@ -76,46 +70,6 @@ def test_the_page_shows_every_formula_beside_the_figures_of_others(zones):
     assert asked["steps, mean of z1 to z6"][-1] == "reached" and len(asked) == 5  # of the rest nothing was played
     assert asked["seconds, training of all 2 seeds and compiling"] == ["under 300", "90", "reached"]
     assert ITEMS["any-open"].section({}) == ""
-
-
-def test_certificates_made_afterwards_are_those_beside_the_parameters(tmp_path):
-    runs = {name: write(tmp_path / name, all_runs()[name].config, (24, 25)) for name in ("any-water", "any-flat")}
-    assert anycertified.certified(runs) == (
-        "any-water has none: its parameters are not stored. any-flat has none: its parameters are not stored."
-    )
-    bound = {"value": 0.25, "low": 0.125, "high": 0.5, "count": 8}
-    one = {"success": bound, "violation": bound | {"low": 0.0}, "env_terminations": 1, "timeouts": 3}
-    made = {"settings": {"checkpoint": "final"}, "seed": 24, "policy": "sampled", "by_task": {"F a | F b": one}}
-    where = {"git_revision": "0123456789", "devices": ["cpu"], "cpu": "some chip"}
-    times = {"episodes": 8, "seconds": 61.4, "compile_seconds": 2.0}
-    (tmp_path / "any-water" / "certificates.json").write_text(
-        json.dumps({"certificates": [{"where": where, **made, **times}]})
-    )
-    said = anycertified.certified(runs)
-    bounds = "0.25000 [0.12500, 0.50000]", "0.25000 [0.00000, 0.50000]"
-    row = ["8", "F a \\| F b", "-", "-", *bounds, "0.37500", "0.12500"]
-    assert cells(said)["any-water"] == row
-    assert "seed 24, final parameters, 1,024 maps, 2 intervals, played in 61 s after 2 s of compiling. any-flat" in said
-    assert "Commits: 0123456. Hardware: 1 x CPU (some chip)." in said and "Where there are fewer episodes" in said
-
-
-def test_the_certificates_on_the_page_are_those_that_are_stored_from_clean_commits():
-    page = (stored.REPOSITORY / "docs" / "zeroshot.md").read_text(encoding="utf-8")
-    shown = [line for line in page.splitlines() if line.startswith("| any-")]
-    until = tested.every_task("Until_1_2_1_1", PAPER_COLOURS)
-    assert len(until) == 36 and len(water_chains.CHAINS) == 32
-    for name in anycertified.OTHERS[:3]:
-        entries = anycertified.made_afterwards(stored.Stored(stored.REPOSITORY / "results" / "any" / name))
-        assert entries, name
-        for made in entries:
-            assert stored.unclean(made["where"]) == "" and f"results/any/{name}" in made["where"]["command"]
-            long = {task for task in made["by_task"] if " " in task}
-            assert long <= {water_chains.CHAINS[0], str(until[0])}
-            for task, one in made["by_task"].items():
-                rate, low, high = (f"{one['success'][what]:.5f}" for what in ("value", "low", "high"))
-                called = task.replace("|", "\\|")
-                begins, bounds = f"| {name} | {made['episodes']:,} | {called} | ", f" | {rate} [{low}, {high}] |"
-                assert sum(line.startswith(begins) and bounds in line for line in shown) == 1, begins
 
 
 def test_bars_are_reached_or_not():
@@ -190,15 +144,15 @@ def test_what_was_met_of_every_level_is_said_once_where_trainings_agree(tmp_path
         (run.path / met.FILE).write_text(json.dumps({"exactly": {}, "renamed": renamed, "rows": {}}))
         return run
 
-    runs = {f"{anycodes.BROAD}{name}": made(name) for name in ("gru", "rgcn")}
-    runs[f"{anycodes.BROAD}lookahead"] = made("lookahead", **{f"{task} (six colours)": "1/5" for task in suites.SIX})
+    runs = {f"{anyalone.BROAD}{name}": made(name) for name in ("gru", "rgcn")}
+    runs[f"{anyalone.BROAD}lookahead"] = made("lookahead", **{f"{task} (six colours)": "1/5" for task in suites.SIX})
     said = anycodes.levels(runs)
     row = cells(said)["**rows met, up to names: all**"]
     shown = dict(zip(("same family", *anycodes.LEVELS), row[2:], strict=True))
     assert shown["same family"] == "3/4" and shown["z1 to z6"] == "6/12" and shown["six colours"] == "3/15"
     assert shown["wider"] == "27/27" and shown["deeper"] == "-"
     assert "nearly every open row of wider (27/27): success there is hardly generalisation" in said
-    runs[f"{anycodes.BROAD}names"] = made("names", **dict.fromkeys(suites.ZONE_WIDE, "0/9"))
+    runs[f"{anyalone.BROAD}names"] = made("names", **dict.fromkeys(suites.ZONE_WIDE, "0/9"))
     rows = cells(anycodes.levels(runs))
     assert rows["**rows met, up to names: broad-names**"][5] == "0/27"
     assert rows["**rows met, up to names: others**"][5] == "27/27"
@@ -224,7 +178,7 @@ def test_codes_by_dynamic_programming_have_lines_of_their_own(tmp_path):
     assert "R-GCN and automaton were not trained so" in said and "there are no episodes, and so no success" in said
     bars = {row: of[-1] for part in rest for row, of in cells(part).items() if "formula alone" in row}
     assert list(bars.values()) == ["reached", "**not reached**"] and all("solved-" in bar for bar in bars)
-    before = cells(anycodes.read_alone(runs))["solved-gru"]
+    before = cells(anyalone.read_alone(runs))["solved-gru"]
     assert before[2].startswith("agreement 1.000 [") and before[:2] == ["2,000,064", "-"]
     without = anycodes.levels({"any-zones-broad-gru": broad})
     assert "dynamic programming" not in without and "R-GCN and automaton" not in without
@@ -280,21 +234,21 @@ def test_figures_of_other_worlds_are_told_apart():
 def test_what_can_be_read_alone_and_what_was_met_before(zones):
     kept_out = replace(zones.config.pool, unseen="")
     (zones.path / "config.json").write_text(config_files.to_json(replace(zones.config, pool=kept_out)))
-    row = cells(anycodes.read_alone({"any-pretraining-gru": stored.Stored(zones.path)}))["gru"]
+    row = cells(anyalone.read_alone({"any-pretraining-gru": stored.Stored(zones.path)}))["gru"]
     assert row[3].startswith("0.99 [") and row[4] == "not measured yet"
     assert row[5:] == ["0.000 / 0.010 / 0.000", "-", "nothing", "4/5", "-", "-"]
     pools = -(-zones.config.iterations // zones.config.pool.period)
     assert row[0] == f"{pools * zones.config.pool.size:,}"
-    assert anycodes.read_alone({"any-zones": zones}) == ""
+    assert anyalone.read_alone({"any-zones": zones}) == ""
 
 
 def test_what_an_agent_reads_is_that_of_the_pretraining_it_began_with():
     """A pre-training that was made again is another one: a GPU does not repeat it."""
     runs, results = all_runs(), stored.REPOSITORY / "results" / "any"
     pairs = [(name, run.before) for name, run in runs.items() if name.startswith("any-") and run.before is not None]
-    assert len(pairs) >= 8 and anycodes.READERS.items() <= set(pairs)
+    assert len(pairs) >= 8 and anyalone.READERS.items() <= set(pairs)
     measured = [pair for pair in pairs if all((results / name / "versions.json").exists() for name in pair)]
-    assert len(measured) >= 8 and len({agent for agent, _ in measured} & set(anycodes.READERS)) >= 4
+    assert len(measured) >= 8 and len({agent for agent, _ in measured} & set(anyalone.READERS)) >= 4
     for agent, reader in measured:
         trained, taught = (json.loads((results / name / "versions.json").read_text()) for name in (agent, reader))
         assert trained["started"]["git_revision"] == taught["started"]["git_revision"], agent
@@ -384,7 +338,7 @@ def test_runs_that_would_be_made_otherwise_today_are_named(zones):
 def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytest.MonkeyPatch) -> None:
     """Formula by formula; runs of other seeds are not put side by side."""
     asked = (*suites.ZONE_Z, *suites.ZONE_HARD)
-    agent, reader = next(iter(anycodes.READERS.items()))
+    agent, reader = next(iter(anyalone.READERS.items()))
     alone = np.random.default_rng(0).uniform(0.0, 0.9, (len(asked), 4))
     alone[0] = 1.0
     success = {reader: alone, agent: alone / 2}
@@ -393,7 +347,7 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
         rates = zip(asked, success[run.name], strict=True)
         return {
             task: {
-                anycodes.SAMPLED: {"success_rate": values, "success_length": 10 * values}
+                anyalone.SAMPLED: {"success_rate": values, "success_length": 10 * values}
                 | {"violation_rate": 1 - values, "env_termination_rate": 0 * values, "timeout_rate": 0 * values}
             }
             for task, values in rates
@@ -401,16 +355,16 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
 
     counted = {reader: "1/2", agent: "2/2"}
     monkeypatch.setattr(met, "read", lambda name: {"renamed": dict.fromkeys(asked, counted[name])})
-    monkeypatch.setattr(anycodes, "figures", figures)
-    monkeypatch.setattr(anycodes, "own_family", lambda run: dict.fromkeys(run.seeds, 0.25) if families else {})
+    monkeypatch.setattr(anyalone, "figures", figures)
+    monkeypatch.setattr(anyalone, "own_family", lambda run: dict.fromkeys(run.seeds, 0.25) if families else {})
     families = True
     runs: Any = {
         name: SimpleNamespace(name=name, path=name, seeds=(1, 2, 3, 4), end=lambda what: {1: 0.5}) for name in success
     }
-    said = anycodes.text_alone(runs)
+    said = anyalone.text_alone(runs)
     assert "under their own names: transformer 0.500, 0.250." in said and "are: transformer 0.500 (4 of 60)." in said
     families = False
-    assert "family" not in anycodes.text_alone(runs)
+    assert "family" not in anyalone.text_alone(runs)
     first = next(line for line in said.splitlines() if "beside the robot |" in line)
     assert first.split(" | ")[3] == f"{alone[1].mean() / 2:.2f} ({alone[1].min() / 2:.2f})"
     alone_steps = next(line for line in said.splitlines() if "read alone, steps |" in line)
@@ -424,9 +378,9 @@ def test_what_is_read_alone_stands_beside_what_the_agent_does(monkeypatch: pytes
     assert alone_steps.split(" | ")[3] == f"{10 * alone[1].mean():.1f}"
     assert "**not reached**" in said
     success[agent] = np.full((len(asked), 4), 0.96)
-    assert "**not reached**" not in anycodes.text_alone(runs)
+    assert "**not reached**" not in anyalone.text_alone(runs)
     runs[agent].seeds = (5, 6, 7, 8)
-    assert anycodes.text_alone(runs) == anycodes.text_alone({}) == ""
+    assert anyalone.text_alone(runs) == anyalone.text_alone({}) == ""
 
 
 def test_the_script_beside_the_agent_of_waterworld_is_as_it_was_measured():

@@ -1,13 +1,15 @@
 """Benchmarks: mistakes in arguments are answered before any measurement, and what is measured is kept and compared."""
 
-from dataclasses import replace
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pytest
 
 import tests.fake_learner  # noqa: F401, the configuration `fake`
 from experiments import benchmark
 from experiments.benchmarks import dqn as benchmark_dqn
-from experiments.benchmarks import env, measured
+from experiments.benchmarks import env, json_file, measured
 from experiments.benchmarks import ltl as benchmark_ltl
 from experiments.benchmarks.timing import Costs, Rate
 
@@ -138,3 +140,21 @@ def test_rollout_and_update_share_the_time_of_an_iteration():
     assert measured.table([replace(row, acting_share=None)]).endswith("| - | - |")
     solved = replace(row, seconds=61.4, frames=None)
     assert measured.solved_table([solved]).endswith("| x | 1 seed | 61 s | not within its frames |")
+
+
+@dataclass(frozen=True)
+class File:
+    """Arguments of a command that has no others."""
+
+    json: Path
+
+
+def test_what_is_measured_so_far_lies_beside_the_file_until_all_is_there(tmp_path):
+    arguments = File(tmp_path / "x.json")
+    json_file.store_so_far(arguments, "x", [], found=[1])
+    beside = json_file.unfinished(arguments.json)
+    assert json.loads(beside.read_text())["found"] == [1] and not arguments.json.exists()
+    json_file.store(arguments, "x", ["--json", "x.json"], found=[1, 2])
+    content = json.loads(arguments.json.read_text())
+    assert content["found"] == [1, 2] and content["settings"] == {} and not beside.exists()
+    assert content["where"]["command"] == ["python", "-m", "x", "--json", "x.json"]

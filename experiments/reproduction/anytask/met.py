@@ -5,7 +5,7 @@ what was drawn by chance and what was kept out both count.
 """
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -219,3 +219,21 @@ def cells(shares: Mapping[str, Mapping[str, Any]], task: str) -> tuple[str, str]
     """Two cells of a table, of what `read` gives: of a task's open rows, how many were met; and up to names."""
     exactly, renamed = (shares[kind].get(task, "-") for kind in ("exactly", "renamed"))
     return exactly, renamed
+
+
+def rows_met(shares: Mapping[str, Mapping[str, str]], tasks: Sequence[str]) -> str:
+    """Of all open rows of some tasks together, how many a training met up to renaming of propositions."""
+    return as_share(counted(shares, [task for task in tasks if task in shares["renamed"]]))
+
+
+def counted(shares: Mapping[str, Mapping[str, str]], tasks: Sequence[str]) -> tuple[int, int] | None:
+    """The same as numbers; None where it is not known of all tasks, or where there are none."""
+    if not tasks or not set(tasks) <= shares["renamed"].keys():
+        return None
+    found = [shares["renamed"][task].split("/") for task in tasks]
+    return sum(int(some) for some, _ in found), sum(int(rows) for _, rows in found)
+
+
+def as_share(counted: tuple[int, int] | None) -> str:
+    """A cell: how many were met, of how many; a dash where that is not known."""
+    return "-" if counted is None else f"{counted[0]}/{counted[1]}"

@@ -9,7 +9,6 @@ from experiments.reproduction.anytask.runs import STRICT
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections import anyends
-from experiments.reproduction.sections.anycodes import rows_met
 from experiments.reproduction.sections.anytask import SAMPLED, Bar, figures, over_tasks, verdicts
 from experiments.reproduction.stored import Stored
 
@@ -59,7 +58,7 @@ def strict(runs: Mapping[str, Stored]) -> str:
                 if set(tasks) <= of.keys():
                     success = over_tasks(of, tasks, SAMPLED, "success_rate").text()
                     worst = f"{min(float(np.nanmin(of[task][SAMPLED]['success_rate'])) for task in tasks):.3f}"
-                rows.append((name, called, rows_met(shares, tasks), success, worst, *anyends.shares(of, tasks)))
+                rows.append((name, called, met.rows_met(shares, tasks), success, worst, *anyends.shares(of, tasks)))
             asked = [task for tasks in TESTS[second].values() for task in tasks]
             known = [task for task in asked if all(task in each for each in played.values())]
             if known:

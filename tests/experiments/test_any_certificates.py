@@ -1,0 +1,51 @@
+"""Certificates of agents for any task, as the page shows what is stored."""
+
+import json
+
+from experiments.reproduction import stored
+from experiments.reproduction.anytask import tested, water_chains
+from experiments.reproduction.anytask.runs import PAPER_COLOURS
+from experiments.reproduction.runs import all_runs
+from experiments.reproduction.sections import anycertified
+from tests.made_up_runs import write
+from tests.page_cells import cells
+
+
+def test_certificates_made_afterwards_are_those_beside_the_parameters(tmp_path):
+    runs = {name: write(tmp_path / name, all_runs()[name].config, (24, 25)) for name in ("any-water", "any-flat")}
+    assert anycertified.certified(runs) == (
+        "any-water has none: its parameters are not stored. any-flat has none: its parameters are not stored."
+    )
+    bound = {"value": 0.25, "low": 0.125, "high": 0.5, "count": 8}
+    one = {"success": bound, "violation": bound | {"low": 0.0}, "env_terminations": 1, "timeouts": 3}
+    made = {"settings": {"checkpoint": "final"}, "seed": 24, "policy": "sampled", "by_task": {"F a | F b": one}}
+    where = {"git_revision": "0123456789", "devices": ["cpu"], "cpu": "some chip"}
+    times = {"episodes": 8, "seconds": 61.4, "compile_seconds": 2.0}
+    (tmp_path / "any-water" / "certificates.json").write_text(
+        json.dumps({"certificates": [{"where": where, **made, **times}]})
+    )
+    said = anycertified.certified(runs)
+    bounds = "0.25000 [0.12500, 0.50000]", "0.25000 [0.00000, 0.50000]"
+    row = ["8", "F a \\| F b", "-", "-", *bounds, "0.37500", "0.12500"]
+    assert cells(said)["any-water"] == row
+    assert "seed 24, final parameters, 1,024 maps, 2 intervals, played in 61 s after 2 s of compiling. any-flat" in said
+    assert "Commits: 0123456. Hardware: 1 x CPU (some chip)." in said and "Where there are fewer episodes" in said
+
+
+def test_the_certificates_on_the_page_are_those_that_are_stored_from_clean_commits():
+    page = (stored.REPOSITORY / "docs" / "zeroshot.md").read_text(encoding="utf-8")
+    shown = [line for line in page.splitlines() if line.startswith("| any-")]
+    until = tested.every_task("Until_1_2_1_1", PAPER_COLOURS)
+    assert len(until) == 36 and len(water_chains.CHAINS) == 32
+    for name in anycertified.OTHERS[:3]:
+        entries = anycertified.made_afterwards(stored.Stored(stored.REPOSITORY / "results" / "any" / name))
+        assert entries, name
+        for made in entries:
+            assert stored.unclean(made["where"]) == "" and f"results/any/{name}" in made["where"]["command"]
+            long = {task for task in made["by_task"] if " " in task}
+            assert long <= {water_chains.CHAINS[0], str(until[0])}
+            for task, one in made["by_task"].items():
+                rate, low, high = (f"{one['success'][what]:.5f}" for what in ("value", "low", "high"))
+                called = task.replace("|", "\\|")
+                begins, bounds = f"| {name} | {made['episodes']:,} | {called} | ", f" | {rate} [{low}, {high}] |"
+                assert sum(line.startswith(begins) and bounds in line for line in shown) == 1, begins
