@@ -161,6 +161,17 @@ PAPER_ITEMS: dict[str, Item] = {
         ("prime-fresh", "prime-own"),
         attention.attention,
     ),
+    "printed-zone": Item(
+        "Progression and labels as printed, beside the default: ZoneEnv, `phi_zone_prime`, T2TL",
+        ("prime-own", "prime-progression-paper", "prime-labels-state"),
+        ablation(_with_each("prime-own", ("prime-progression-paper", "prime-labels-state")), "discounted_return"),
+        smoke=("prime-own", "prime-progression-paper"),
+    ),
+    "printed-water": Item(
+        "Labels as printed, beside the default: WaterWorld, `phi_water`, T1TL",
+        ("water-t1tl", "water-t1tl-labels-state"),
+        ablation([("water-t1tl", "water-t1tl-labels-state")], "success_rate"),
+    ),
     "representations": Item("Representations", (representations.NAME,), representations.section),
     "published": Item("The published program to its end", ("zone-published",), figures.published_program),
     "published-pieces": Item(

@@ -144,6 +144,9 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
     prime = replace(short, task="phi_zone_prime")
     new["prime-fresh"] = Run(replace(prime, pretrained=""), read=True)
     new["prime-own"] = Run(prime, _pretraining(new, "prime", prime), read=True)
+    dropping = replace(prime, progression="paper")
+    new["prime-progression-paper"] = Run(dropping, _pretraining(new, "prime-progression-paper", dropping))
+    new["prime-labels-state"] = Run(replace(prime, labels="state"), "prime-pretraining-transformer")
     published = named_config("zone_ppo_published")
     new["zone-published"] = Run(published, _pretraining(new, "zone-published", published))
     new["zone-gru-reader"] = Run(_with_gru_reader(short), "zone-pretraining-transformer")
@@ -205,6 +208,7 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
     for method in ("t1tl", "t2tl", "gnn"):
         config = apply(paper, method)
         new[f"water-paper-{method}"] = Run(config, _pretraining(runs, "water", config, "own", new))
+    new["water-t1tl-labels-state"] = Run(replace(apply(base, "t1tl"), labels="state"), "water-pretraining-transformer")
     slow = replace(
         apply(paper, "t1tl"), learner=_changed(apply(paper, "t1tl").learner, task_encoder_learning_rate=4e-5)
     )
