@@ -82,6 +82,23 @@ class LabelledEnv(Env):
         """
         raise NotImplementedError(f"{type(self).__name__} has no maps to renew")
 
+    def independent_params(self, seed: int, count: int) -> EnvParams | None:
+        """Maps for `count` episodes that are to be independent of each other: one of its own for each.
+
+        They are drawn from all maps, as those of `make_params` are, and serve nothing else. A rate over such episodes
+        is one over maps, and not over those of one pool.
+
+        Args:
+            seed: number of the seed.
+            count: how many episodes.
+
+        Returns:
+            What `make_params` returns with a single map, stacked: every leaf leads with ``[count]``. None, as by
+            default, where `make_params` draws no maps at random.
+        """
+        del seed, count
+        return None
+
     @abc.abstractmethod
     def reset(self, rng: jax.Array, params: EnvParams | None = None) -> State:
         """The start of an episode. Without `params`, those of ``make_params(0)``, as foreign trainers call it."""

@@ -92,6 +92,10 @@ class Renamed(LabelledEnv):
         """Those of the environment."""
         return self.env.renewed_params(seed, renewal)
 
+    def independent_params(self, seed: int, count: int) -> EnvParams | None:
+        """Those of the environment."""
+        return self.env.independent_params(seed, count)
+
     @property
     def objects(self) -> Objects:
         """Those of the environment: objects change places, and what a place stands for stays."""

@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 
 from envs.flatworld.config import COLOURS, EDGE, REGIONS, STEP, FlatWorldConfig
 from envs.flatworld.view import make_view
-from envs.streams import stream
+from envs.streams import one_each, stream
 from t2tl_jax.env import Alphabet, LabelledEnv, Purpose, State
 from t2tl_jax.view import View
 
@@ -69,6 +69,12 @@ class FlatWorld(LabelledEnv):
         """Another pool of starts for training."""
         which = stream(self.config.pool_seed, seed, "training", renewal)
         return FlatWorldParams(_sample_starts(self.config.pool_size, which))
+
+    def independent_params(self, seed: int, count: int) -> FlatWorldParams | None:
+        """As many starts; None where there is one only."""
+        if self.fixed_start:
+            return None
+        return one_each(FlatWorldParams(_sample_starts(count, stream(self.config.pool_seed, seed, "certificate"))))
 
     @property
     def fixed_start(self) -> bool:

@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 from envs.letterworld import maps
 from envs.letterworld.config import LetterWorldConfig
 from envs.letterworld.view import make_view
-from envs.streams import stream
+from envs.streams import one_each, stream
 from t2tl_jax.env import Alphabet, LabelledEnv, Purpose, State
 from t2tl_jax.objects import Objects
 from t2tl_jax.view import View
@@ -73,6 +73,12 @@ class LetterWorld(LabelledEnv):
     def renewed_params(self, seed: int, renewal: int) -> LetterWorldParams:
         """Another pool of random maps for training."""
         return self._pool(self.config.pool_size, stream(self.config.pool_seed, seed, "training", renewal))
+
+    def independent_params(self, seed: int, count: int) -> LetterWorldParams | None:
+        """As many random maps; None where a seed has one map."""
+        if self.fixed_start:
+            return None
+        return one_each(self._pool(count, stream(self.config.pool_seed, seed, "certificate")))
 
     def _pool(self, count: int, which: tuple[int, ...]) -> LetterWorldParams:
         config = self.config

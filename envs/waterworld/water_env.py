@@ -23,6 +23,7 @@ import numpy as np
 from flax import struct
 from jax.typing import ArrayLike
 
+from envs.streams import one_each
 from envs.waterworld import maps
 from envs.waterworld.config import WaterWorldConfig
 from envs.waterworld.params import Start, WaterWorldParams
@@ -30,6 +31,9 @@ from envs.waterworld.view import make_view
 from t2tl_jax.env import Alphabet, LabelledEnv, Purpose, State
 from t2tl_jax.objects import Objects
 from t2tl_jax.view import View
+
+INDEPENDENT_MAPS = 2**80
+"""Number of the first map that is drawn for an episode of its own, behind all maps of pools."""
 
 NUM_ACTIONS = 5
 """0 nothing, 1 up (+y), 2 right (+x), 3 down (-y), 4 left (-x)."""
@@ -107,6 +111,14 @@ class WaterWorld(LabelledEnv):
         """Another pool of numbered maps for training: for each renewal those of all seeds follow each other."""
         block = renewal * 2**34 + seed  # behind all blocks of `make_params`, as seeds are below 2^32
         return self._params(self._maps(block * self.config.pool_size, self.config.pool_size))
+
+    def independent_params(self, seed: int, count: int) -> WaterWorldParams | None:
+        """As many numbered maps; None where a seed has one map, or a reset draws its own."""
+        if self.fixed_start or not self.config.pool_size:
+            return None
+        params = self._params(one_each(self._maps(INDEPENDENT_MAPS + seed * 2**32, count)))
+        sizes = jax.tree.map(lambda x: np.broadcast_to(x, (count, *x.shape)), dataclasses.replace(params, starts=None))
+        return dataclasses.replace(sizes, starts=params.starts)
 
     def _params(self, starts: Start | None) -> WaterWorldParams:
         config = self.config

@@ -11,7 +11,7 @@ import numpy as np
 from flax import struct
 from jax.typing import ArrayLike
 
-from envs.streams import stream
+from envs.streams import one_each, stream
 from envs.zones import layouts, sensors
 from envs.zones.config import ZoneConfig
 from envs.zones.point_closed_form import ClosedFormPoint
@@ -86,7 +86,7 @@ class ZoneEnv(LabelledEnv):
         if config.layout == "fixed":
             start, zones = np.array([layouts.FIXED_START]), np.array([layouts.FIXED_ZONES])
             return ZoneParams(starts=start.astype(np.float32), zones=zones.astype(np.float32))
-        return self._pool(stream(config.pool_seed, seed, purpose))
+        return self._pool(stream(config.pool_seed, seed, purpose), config.pool_size)
 
     @property
     def renewable(self) -> bool:
@@ -95,12 +95,18 @@ class ZoneEnv(LabelledEnv):
 
     def renewed_params(self, seed: int, renewal: int) -> ZoneParams:
         """Another pool of random maps for training."""
-        return self._pool(stream(self.config.pool_seed, seed, "training", renewal))
+        return self._pool(stream(self.config.pool_seed, seed, "training", renewal), self.config.pool_size)
 
-    def _pool(self, which: tuple[int, ...]) -> ZoneParams:
+    def independent_params(self, seed: int, count: int) -> ZoneParams | None:
+        """As many random maps; None on the fixed one."""
+        if self.fixed_start:
+            return None
+        return one_each(self._pool(stream(self.config.pool_seed, seed, "certificate"), count))
+
+    def _pool(self, which: tuple[int, ...], count: int) -> ZoneParams:
         config = self.config
         discs = len(config.colour_of_each_disc)
-        pool = layouts.sample_layouts(discs, config.pool_size, which, config.radius, config.keepout)
+        pool = layouts.sample_layouts(discs, count, which, config.radius, config.keepout)
         return ZoneParams(starts=pool.robots, zones=pool.zones)
 
     @property

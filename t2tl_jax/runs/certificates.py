@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from t2tl_jax.env import EnvParams
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.evaluation.report import aligned
@@ -56,6 +57,11 @@ class Certificates:
     """Of each task."""
     batch: int
     """So many of them were played side by side."""
+    own_maps: bool
+    """Whether each of them had a map of its own, so that the rates are those over all maps; else those of the
+    environment's maps for evaluation."""
+    map_seconds: float
+    """Until these maps were drawn, once for all tasks."""
     compile_seconds: float
     """Until the program was ready."""
     seconds: float
@@ -78,8 +84,8 @@ def certify(
 ) -> Certificates:
     """Play `episodes` independent episodes of every task, and bound the rates by Clopper and Pearson.
 
-    The rates are those of this seed's environment: with random maps, those of its pool of maps for evaluation. Both
-    intervals of every task share the 5 %, so that all hold together.
+    Where maps are random, each episode has a map of its own, drawn for it alone, so that the rates are those over all
+    maps. The intervals, two for every task, share the 5 %, so that all hold together.
 
     Args:
         experiment: environment and learner.
@@ -104,27 +110,49 @@ def certify(
     env, agent, discount = experiment.task_env, experiment.player, experiment.config.learner.discount
     size = min(batch or (CPU_BATCH if jax.default_backend() == "cpu" else BATCH), episodes)
 
-    def counts(params: Params, env_params: TaskParams, key: jax.Array, counted: jax.Array) -> jax.Array:
+    def counts(
+        params: Params, env_params: TaskParams, maps: EnvParams, key: jax.Array, counted: jax.Array
+    ) -> jax.Array:
         """Of the first `counted` episodes of a batch: int32[3], successes, violations, ends by the environment."""
-        played = play(env, agent, params, env_params, key, size, episode_length, discount, deterministic)
-        flags = jnp.stack([played.success, played.violation, played.env_termination])
-        return (flags & (jnp.arange(size) < counted)).sum(axis=1)
+
+        def one(key: jax.Array, own_map: EnvParams) -> jax.Array:
+            given = env_params if own_map is None else replace(env_params, env=own_map)
+            played = play(env, agent, params, given, key, 1, episode_length, discount, deterministic)
+            return jnp.stack([played.success, played.violation, played.env_termination])[:, 0]
+
+        flags = jax.vmap(one)(jax.random.split(key, size), maps)
+        return (flags & (jnp.arange(size) < counted)[:, None]).sum(axis=0)
 
     own = seed_slice(params, index)
+    begun = time.perf_counter()
+    maps = experiment.env.independent_params(experiment.seeds[index], episodes)
+    drawn = time.perf_counter()
     every = experiment.env_params("evaluation")
     env_params = replace(every, env=seed_slice(every.env, index))
     key = stream_keys(experiment.seeds, CERTIFICATE)[index]
-    started = time.perf_counter()
-    program = jax.jit(counts).lower(own, env_params, key, jnp.int32(size)).compile()
+    program = jax.jit(counts).lower(own, env_params, _batch(maps, 0, size), key, jnp.int32(size)).compile()
     compiled = time.perf_counter()
     given = {task: replace(env_params, table=table) for task, table in tables.items()}
     batches = [
-        (jax.random.fold_in(key, number), jnp.int32(min(size, episodes - begun)))
-        for number, begun in enumerate(range(0, episodes, size))
+        (_batch(maps, first, size), jax.random.fold_in(key, number), jnp.int32(min(size, episodes - first)))
+        for number, first in enumerate(range(0, episodes, size))
     ]
     totals = {task: sum(program(own, tasks, *batch) for batch in batches) for task, tasks in given.items()}
     by_task = {task: _certificate(np.asarray(total), episodes, 2 * len(tables)) for task, total in totals.items()}
-    return Certificates(by_task, episodes, size, compiled - started, time.perf_counter() - compiled)
+    return Certificates(
+        by_task,
+        episodes,
+        size,
+        own_maps=maps is not None,
+        map_seconds=drawn - begun,
+        compile_seconds=compiled - drawn,
+        seconds=time.perf_counter() - compiled,
+    )
+
+
+def _batch(maps: EnvParams | None, first: int, size: int) -> EnvParams | None:
+    """The maps of `size` episodes from number `first` on; where fewer are left, some again for those not counted."""
+    return jax.tree.map(lambda part: jnp.asarray(np.take(part, range(first, first + size), axis=0, mode="wrap")), maps)
 
 
 def _certificate(counts: np.ndarray, episodes: int, intervals: int) -> Certificate:
@@ -137,6 +165,9 @@ def _certificate(counts: np.ndarray, episodes: int, intervals: int) -> Certifica
         env_terminations=ended,
         timeouts=episodes - successes - violations - ended,
     )
+
+
+_ON_MAPS = {True: "Each episode has a map of its own", False: "On the maps that the environment keeps for evaluation"}
 
 
 def table(certificates: Certificates, met: RowsMet | None = None) -> str:
@@ -158,6 +189,8 @@ def table(certificates: Certificates, met: RowsMet | None = None) -> str:
             *met.legend(),
             f"Brackets: exact binomial intervals (Clopper and Pearson) from {certificates.episodes:,} episodes a task.",
             f"All {number} hold at once with {CONFIDENCE:.0%} (Bonferroni, each {1 - (1 - CONFIDENCE) / number:.3%}).",
-            f"Played in {certificates.seconds:.1f} s, after {certificates.compile_seconds:.1f} s of compiling.",
+            f"{_ON_MAPS[certificates.own_maps]}.",
+            f"Played in {certificates.seconds:.1f} s, after {certificates.compile_seconds:.1f} s of compiling"
+            + (f" and {certificates.map_seconds:.1f} s of drawing maps." if certificates.own_maps else "."),
         ]
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.reproduction.sections.anycertified import made_afterwards
+from experiments.reproduction.sections.anycertified import certificates
 from experiments.reproduction.stored import Stored, unclean
 from t2tl_jax.runs.folder import RunFolder
 
@@ -23,7 +23,7 @@ def sessions():
         versions = json.loads((path / "versions.json").read_text(encoding="utf-8"))
         for session in (versions["started"], *versions.get("resumed", [])):
             yield path, session
-        for made in made_afterwards(Stored(path)):
+        for made in certificates(Stored(path)):
             yield RunFolder(path).certificates, made["where"]
     for file in BENCHMARKS:
         yield file, json.loads(file.read_text(encoding="utf-8"))["where"]

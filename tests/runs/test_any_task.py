@@ -125,10 +125,21 @@ def test_padding_that_is_read_is_as_much_as_in_training():
         any_task.compile_each(experiment, ["F Up", "F(Up & F(Down & F Up))"])
 
 
-@pytest.fixture(scope="module")
-def fate() -> Callable[..., certificates.Certificates]:
-    """Certifies tasks in a world where every outcome has a known probability, of two seeds."""
-    env = FateEnv()
+class MappedFateEnv(FateEnv):
+    """Its map, a number in [0, 1), is the fate, which `FateEnv` draws at the reset."""
+
+    def make_params(self, seed, purpose="training"):
+        return np.float32([0.0])
+
+    def independent_params(self, seed, count):
+        return (np.arange(count, dtype=np.float32) / count)[:, None]
+
+    def reset(self, rng, params=None):
+        return super().reset(rng).replace(pipeline_state=jnp.stack([params[0], 0.0]))
+
+
+def certifier(env: FateEnv) -> Callable[..., certificates.Certificates]:
+    """Certifies tasks in a world of known outcomes, of two seeds."""
     tables = {text: compile_tasks([text], env.propositions) for text in ("!Down U Up", "!Up U Down")}
     config = Config(env=EnvConfig(), task="!Down U Up", learner=PPOConfig(), seeds="2", episode_length=4)
     experiment = Experiment(config, env, tables["!Down U Up"], IDLE, None)
@@ -137,6 +148,22 @@ def fate() -> Callable[..., certificates.Certificates]:
         return certificates.certify(experiment, np.zeros(2), 1, tables, episodes, 4, deterministic, batch)
 
     return certify
+
+
+@pytest.fixture(scope="module")
+def fate() -> Callable[..., certificates.Certificates]:
+    """Certifies where every outcome has a known probability."""
+    return certifier(FateEnv())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("batch", [64, 300, 1000])
+def test_each_map_is_played_once(batch):
+    found = certifier(MappedFateEnv())(1000, batch=batch)
+    assert found.own_maps
+    for task, outcomes in (("!Down U Up", (500, 300)), ("!Up U Down", (300, 500))):
+        one = found.by_task[task]
+        assert (one.successes, one.violations, one.env_terminations, one.timeouts) == (*outcomes, 99, 101)
 
 
 @pytest.mark.slow
@@ -150,6 +177,7 @@ def test_certificates_hold(fate):
         assert estimate.low < truth < estimate.high and estimate.high - estimate.low < 0.07
     assert abs(one.env_terminations / 2000 - BROKEN) < 0.03
     assert found.batch == 700 and fate(2000).batch == certificates.CPU_BATCH
+    assert not found.own_maps  # this world has no maps
     whole = fate(2000, batch=2000).by_task["!Down U Up"]
     assert whole.successes != one.successes  # batches have random numbers of their own
 

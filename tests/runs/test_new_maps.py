@@ -3,6 +3,7 @@
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -95,16 +96,16 @@ def test_where_nothing_is_random_nothing_is_renewed():
         fake_learner.FakeEnv().renewed_params(0, 1)
 
 
-@pytest.mark.parametrize(
-    "env",
-    [
-        ZoneEnv(dataclasses.replace(OPEN, physics="closed_form", pool_size=20)),
-        WaterWorld(WaterWorldConfig(layout="random", pool_size=20)),
-        LetterWorld(LetterWorldConfig(pool_size=20)),
-        FlatWorld(FlatWorldConfig(pool_size=20)),
-    ],
-    ids=lambda env: type(env).__name__,
+RANDOM = (
+    ZoneEnv(dataclasses.replace(OPEN, physics="closed_form", pool_size=20)),
+    WaterWorld(WaterWorldConfig(layout="random", pool_size=20)),
+    LetterWorld(LetterWorldConfig(pool_size=20)),
+    FlatWorld(FlatWorldConfig(pool_size=20)),
 )
+BY_SEED = WaterWorldConfig(layout="by_seed", pool_size=20)
+
+
+@pytest.mark.parametrize("env", RANDOM, ids=lambda env: type(env).__name__)
 def test_renewed_maps_are_new_ones(env):
     """Of all seeds and purposes, none comes twice, and every pool has the shapes of the first one."""
     assert env.renewable
@@ -118,3 +119,31 @@ def test_renewed_maps_are_new_ones(env):
     ]
     assert len(np.unique(np.concatenate(one_a_map), axis=0)) == 12 * 20
     jax.tree.map(np.testing.assert_array_equal, env.renewed_params(1, 2), pools[10])
+
+
+@pytest.mark.parametrize("env", RANDOM, ids=lambda env: type(env).__name__)
+def test_independent_episodes_have_a_map_each_that_serves_nothing_else(env):
+    one, other = env.independent_params(3, 30), env.independent_params(4, 30)
+    single = jax.tree.map(lambda x: x[7], one)  # parameters of an episode: a pool of one map
+    state, again = (env.reset(jax.random.key(9), params) for params in (single, jax.tree.map(jnp.asarray, single)))
+    np.testing.assert_array_equal(state.obs, again.obs)
+    known = env.make_params(3)
+    assert jax.tree.structure(one) == jax.tree.structure(known)
+    drawn = [mine for mine, pool in zip(*map(jax.tree.leaves, (one, known)), strict=True) if np.ndim(mine) > 2]
+    assert drawn and all(len(mine) == 30 and mine.shape[1] == 1 for mine in drawn)
+    pools = [
+        [x for x in jax.tree.leaves(env.make_params(seed, purpose)) if np.ndim(x) > 1]
+        for seed in (3, 4)
+        for purpose in ("training", "evaluation", "selection")
+    ]
+    rows = [np.concatenate([x.reshape(len(x), -1) for x in pool], axis=1) for pool in pools]
+    rows += [
+        np.concatenate([x[:, 0].reshape(30, -1) for x in jax.tree.leaves(of) if np.ndim(x) > 2], axis=1)
+        for of in (one, other)
+    ]
+    assert len(np.unique(np.concatenate(rows), axis=0)) == 6 * 20 + 2 * 30
+
+
+def test_where_no_map_is_drawn_there_are_none_of_ones_own():
+    envs = [ZoneEnv(ZoneConfig(physics="closed_form")), WaterWorld(), WaterWorld(BY_SEED), fake_learner.FakeEnv()]
+    assert [env.independent_params(0, 5) for env in envs] == [None] * 4

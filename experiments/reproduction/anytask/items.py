@@ -88,7 +88,7 @@ ANY_ITEMS: dict[str, Item] = {
     ),
     "any-certificates": Item(
         "A certificate for each formula",
-        (anycertified.ZONES, *anycertified.OTHERS),
+        anycertified.RUNS,
         anycertified.certified,
     ),
 }

@@ -9,77 +9,51 @@ from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.statistics import CONFIDENCE, Estimate
 from t2tl_jax.runs.folder import RunFolder, read_json
 
-ZONES = "any-zones"
-"""Its certificates are made with its tests."""
+RUNS = ("any-zones", "any-letters", "any-walls", "any-water", "any-flat")
+"""Whose parameters are stored."""
 
-OTHERS = ("any-letters", "any-walls", "any-water", "any-flat")
-"""Those of these were made afterwards, if their parameters are stored."""
+HEADING = ("run", "task", "rows met", "renamed", "success", "violation", "time-out", "ended by env")
 
-CHOSEN = (
-    "Where a formula has no name, it is the first of a list: of the 36 of `Until_1_2_1_1` by their texts, or of the 32 "
-    "chains of WaterWorld. Nothing is bounded for the others."
-)
-"""Which formulas stand for lists of them."""
-
-HEADING = ("task", "rows met", "renamed", "success", "violation", "time-out", "ended by env")
+ON_MAPS = {
+    True: "Each episode has a map of its own, drawn for it alone: the bounds are about all maps that can be drawn.",
+    False: "Their maps are those that are kept for evaluation, and come again and again: the bounds are about these.",
+}
+"""What certificates of episodes with and without a map of their own are about."""
 
 
 def certified(runs: Mapping[str, Stored]) -> str:
     """Exact bounds for the policy of one seed of each agent."""
-    return "\n\n".join(part for part in (with_tests(runs), afterwards(runs)) if part)
-
-
-def with_tests(runs: Mapping[str, Stored]) -> str:
-    """Of the open ZoneEnv's agent, from what its tests stored."""
-    if ZONES not in runs:
-        return ""
-    made = tested.read(runs[ZONES].path).get(tested.CERTIFIED)
-    if made is None:
-        return "The run that is stored has none."
-    return "\n\n".join(
-        (
-            table(HEADING, _rows(made, runs[ZONES])),
-            f"{made['policy']} policy of seed {made['seed']}, {made['episodes']:,} episodes a task, on "
-            f"{_maps(runs[ZONES])} that are kept for evaluation, each of which comes again "
-            "and again: the bounds are about these maps, and not about all that can be drawn. Certified are "
-            f"{', '.join(made['by_task'])}, and no other formula for this agent. Exact binomial "
-            f"intervals (Clopper and Pearson), all {2 * len(made['by_task'])} of which hold at once with "
-            f"{CONFIDENCE:.0%}. Played in {made['seconds']:.0f} s after {made['compile_seconds']:.0f} s of compiling, "
-            "beside other work on the same GPU.",
-        )
-    )
-
-
-def afterwards(runs: Mapping[str, Stored]) -> str:
-    """Of the other agents, from the files beside their parameters."""
-    there = {name: runs[name] for name in OTHERS if name in runs}
-    found = [(name, one) for name, run in there.items() for one in made_afterwards(run)]
-    without = [name for name in there if name not in dict(found)]
-    lacking = " ".join(f"{name} has none{_why(there[name])}." for name in without)
+    there = {name: runs[name] for name in RUNS if name in runs}
+    found = [(name, one) for name, run in there.items() for one in certificates(run)]
+    lacking = " ".join(f"{name} has none{_why(there[name])}." for name in there if name not in dict(found))
     if not found:
         return lacking
-    rows = [(name, f"{one['episodes']:,}", *row) for name, one in found for row in _rows(one, there[name])]
-    fewer = any(one["episodes"] < tested.CERTIFICATE_EPISODES for _, one in found)
-    few = " Where there are fewer episodes, more would have taken too long there, and the bounds are wider."
+    rows = [(name, *row) for name, one in found for row in _rows(one, there[name])]
+    about = [ON_MAPS[own] for own in (True, False) if any(_own_maps(one) is own for _, one in found)]
     return "\n\n".join(
         (
-            "Of other agents, made afterwards from the parameters that are stored:",
-            table(("run", "episodes a task", *HEADING), rows),
-            f"{' '.join(_told(name, one, there[name]) for name, one in found)} {lacking}",
-            "Each is of one seed, which can lie above or below the means over seeds of the tables before. The "
-            f"intervals are made as above, and about the maps likewise; they hold at once with {CONFIDENCE:.0%} within "
-            f"a run, not over several runs.{few if fewer else ''} {CHOSEN} Each run by `python -m experiments.evaluate "
-            "results/any/RUN --tasks TASKS --certify EPISODES`, beside other work on the same processor; it stores the "
-            "bounds and the whole command in certificates.json beside the parameters.",
+            table(HEADING, rows),
+            f"{' '.join(_told(name, one) for name, one in found)} {lacking}".rstrip(),
+            f"{' '.join(about)} Each is of one seed, the run's first, which can lie above or below the means over "
+            "seeds of the tables before. Intervals are exact and binomial (Clopper and Pearson); they hold at once "
+            f"with {CONFIDENCE:.0%} within a run (Bonferroni), not over several runs. Time-outs and ends by the "
+            "environment are shares without bounds.",
+            "Each is made by `python -m experiments.evaluate results/any/RUN --tasks TASKS --certify "
+            f"{tested.CERTIFICATE_EPISODES}`; certificates.json beside the parameters holds the bounds and the whole "
+            "command.",
             f"Of these certificates: {origin([one.get('where', {}) for _, one in found])}",
-            "Of the trainings, any-zones' too:",
+            "Of the trainings:",
         )
     )
 
 
-def made_afterwards(run: Stored) -> list[dict[str, Any]]:
-    """The certificates that lie beside a run's parameters."""
-    return read_json(RunFolder(run.path).certificates).get("certificates", [])
+def certificates(run: Stored) -> list[dict[str, Any]]:
+    """Those that were made from a run's parameters, or else with its tests."""
+    afterwards = read_json(RunFolder(run.path).certificates).get("certificates", [])
+    with_tests = tested.read(run.path).get(tested.CERTIFIED)
+    if afterwards or with_tests is None:
+        return afterwards
+    return [with_tests | {"where": run.versions}]
 
 
 def _rows(made: Mapping[str, Any], run: Stored) -> list[tuple[str, ...]]:
@@ -97,21 +71,21 @@ def _rows(made: Mapping[str, Any], run: Stored) -> list[tuple[str, ...]]:
     ]
 
 
-def _told(name: str, made: Mapping[str, Any], run: Stored) -> str:
+def _own_maps(made: Mapping[str, Any]) -> bool:
+    """Whether each episode had a map of its own; the first certificates did not say, and had none."""
+    return made.get("own_maps", False)
+
+
+def _told(name: str, made: Mapping[str, Any]) -> str:
     """Whose certificates these are, and how long they took."""
+    each = made["seconds"] / len(made["by_task"])
     return (
-        f"{name}: {made['policy']} policy of seed {made['seed']}, {made['settings']['checkpoint']} parameters, "
-        f"{_maps(run)}, {2 * len(made['by_task'])} intervals, played in {made['seconds']:.0f} s after "
-        f"{made['compile_seconds']:.0f} s of compiling."
+        f"{name}: {made['policy']} policy of seed {made['seed']}, {made['episodes']:,} episodes a task, "
+        f"{2 * len(made['by_task'])} intervals; {made['seconds']:.0f} s of playing, {each:.1f} s a task, after "
+        f"{made.get('map_seconds', 0):.0f} s of drawing maps and {made['compile_seconds']:.0f} s of compiling."
     )
 
 
 def _why(run: Stored) -> str:
     """Why a run has no certificates, if its files tell."""
     return "" if RunFolder(run.path).params.is_file() else ": its parameters are not stored"
-
-
-def _maps(run: Stored) -> str:
-    """How many maps are kept for evaluation."""
-    count = getattr(run.config.env, "pool_size", None)
-    return "the maps" if count is None else f"{count:,} maps"
