@@ -96,10 +96,11 @@ def _main(texts: list[str]) -> int:
 def _evaluate(arguments: Arguments, texts: Sequence[str]) -> None:
     with quiet_imports():
         import experiments.configs  # noqa: F401, registers what runs are made of
+        from experiments import evaluate_tasks, fuller_maps
         from experiments.cli import compilation_cache
         from t2tl_jax.evaluation.report import table
         from t2tl_jax.ltl import TaskFamily
-        from t2tl_jax.runs import evaluations, train
+        from t2tl_jax.runs import evaluations
         from t2tl_jax.runs.differences import in_short
         from t2tl_jax.runs.folder import open_existing
         from t2tl_jax.training.seeds import parse_seeds
@@ -107,15 +108,21 @@ def _evaluate(arguments: Arguments, texts: Sequence[str]) -> None:
     folder, stored = open_existing(arguments.run)
     evaluations.stored(folder)  # tells of a damaged file before the work
     compilation_cache.use(stored.run.compilation_cache)
-    result = train.load(arguments.run, **_changes(stored, arguments))
-    if arguments.tasks is not None or arguments.certify:
-        _evaluate_tasks(arguments, texts, folder, stored, result)
+    tasks = None if arguments.tasks is None else evaluate_tasks.listed(arguments.tasks)
+    given = tasks or ([] if arguments.task is None else [arguments.task])
+    played = fuller_maps.load(arguments.run, stored, given, _changes(stored, arguments))
+    if played.note:
+        print(f"note: {played.note}", flush=True)
+    if tasks is not None or arguments.certify:
+        _evaluate_tasks(arguments, texts, folder, stored, played, tasks)
         return
+    result = played.result
     chosen = tuple(result.params) if arguments.which == "both" else (arguments.which,)
     length = result.config.episode_length
 
     def settings(which: Any) -> Any:
-        return evaluations.settings(folder, result.experiment, which, result.iteration, arguments.episodes)
+        of_run = evaluations.settings(folder, result.experiment, which, result.iteration, arguments.episodes)
+        return of_run | played.settings
 
     shown = settings(arguments.which)
     if isinstance(result.config.task, TaskFamily):
@@ -137,16 +144,19 @@ def _evaluate(arguments: Arguments, texts: Sequence[str]) -> None:
         print(f"drawn: {folder.gif}")
 
 
-def _evaluate_tasks(arguments: Arguments, texts: Sequence[str], folder: Any, stored: Any, result: Any) -> None:
+def _evaluate_tasks(
+    arguments: Arguments, texts: Sequence[str], folder: Any, stored: Any, played: Any, tasks: Sequence[str] | None
+) -> None:
     """Play a list of tasks, or certify them; what is printed is stored as well, certificates with what was typed."""
     from experiments import evaluate_tasks
     from t2tl_jax.runs import evaluations, provenance
     from t2tl_jax.training.seeds import parse_seeds
 
-    tasks = None if arguments.tasks is None else evaluate_tasks.listed(arguments.tasks)
+    result = played.result
 
     def settings(which: Any, episodes: int) -> Any:
-        return evaluations.settings(folder, result.experiment, which, result.iteration, episodes)
+        of_run = evaluations.settings(folder, result.experiment, which, result.iteration, episodes)
+        return of_run | played.settings
 
     if arguments.certify or tasks is None:
         one: Any = "best" if arguments.which == "best" else "final"

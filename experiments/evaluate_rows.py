@@ -4,8 +4,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from experiments.reproduction.anytask import met as counted_before
+from t2tl_jax.env import LabelledEnv
 from t2tl_jax.evaluation.task_report import RowsMet
 from t2tl_jax.ltl import Formula, LTLError, Share, TooLargeError, is_family, resolve_tasks
+from t2tl_jax.registry import make_env
 from t2tl_jax.runs import met
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.result import Result
@@ -33,7 +35,7 @@ def rows_met(result: Result, trained: Config, tasks: Sequence[str], pools: int) 
         tasks: names or formulas.
         pools: as many are drawn at most; 0 draws none.
     """
-    env = result.experiment.env
+    env = make_env(trained.env)
     found = {} if result.folder is None else stored(result.folder, tasks)
     notes = [f"From {counted_before.FILE}, which counts all pools of training: {_listed(found)}."] if found else []
     rest = [task for task in tasks if task not in found]
@@ -43,7 +45,7 @@ def rows_met(result: Result, trained: Config, tasks: Sequence[str], pools: int) 
         if not met.can_be_compared(trained, env):
             notes.append("-: rows of reward machines, or of another progression, are not compared.")
         else:
-            counted, note = _count(result, trained, others, pools)
+            counted, note = _count(result.iteration, trained, env, others, pools)
             found |= counted
             notes += [note] if note else []
     before = [BEFORE] if found and trained.pretrained else []
@@ -64,25 +66,24 @@ def stored(folder: Path, tasks: Sequence[str]) -> Shares:
     return found
 
 
-def _count(result: Result, trained: Config, tasks: Sequence[str], most: int) -> tuple[Shares, str]:
+def _count(iteration: int, trained: Config, env: LabelledEnv, tasks: Sequence[str], most: int) -> tuple[Shares, str]:
     """What the first pools of training, or its one task, hold of some tasks, and what the legend says of it."""
-    env = result.experiment.env
     drawn = counted = 0
     if is_family(trained.task, env.propositions):
-        drawn = met.pools_drawn(trained, result.iteration)
-        counted = met.pools_counted(trained, result.iteration, most)
+        drawn = met.pools_drawn(trained, iteration)
+        counted = met.pools_counted(trained, iteration, most)
         if counted == 0:
             return {}, f"-: not counted; --pools N counts the rows of N of the {drawn} pools that training drew."
         print(f"counting the rows of {counted} of the {drawn} pools drawn in training (--pools)", flush=True)
     try:
-        found = met.met_in_training(trained, env, tasks, result.iteration, counted)
+        found = met.met_in_training(trained, env, tasks, iteration, counted)
     except TooLargeError as error:
         return {}, f"-: not counted: {error}."
     assert found is not None
     shares = {task: (one.exactly, one.renamed) for task, one in found.by_task.items()}
     if counted == drawn:
         return shares, f"From all {drawn} pools of training: {_listed(tasks)}." if drawn else ""
-    whole = f" --pools {drawn} counts all." if met.pools_counted(trained, result.iteration, drawn) == drawn else ""
+    whole = f" --pools {drawn} counts all." if met.pools_counted(trained, iteration, drawn) == drawn else ""
     return shares, (
         f">=: at least so many, from {counted} of the {drawn} pools that training drew; the others may hold "
         f"more, so that no task is called new for a count of 0.{whole}"

@@ -56,6 +56,7 @@ def _main(texts: list[str]) -> int:
     _check_gif(arguments.gif)
     with quiet_imports():
         import experiments.configs  # noqa: F401, registers what runs are made of
+        from experiments import fuller_maps
         from experiments.cli import compilation_cache
         from t2tl_jax.runs import train
         from t2tl_jax.runs.folder import open_existing
@@ -73,6 +74,11 @@ def _main(texts: list[str]) -> int:
     failed = False
     for text in _lines():
         try:
+            maps = fuller_maps.ready(result, [text])
+            if maps.note:  # the formulas that follow are played there, too
+                print(f"note: {maps.note}", file=sys.stderr, flush=True)
+                result, view = maps.result, maps.result.experiment.env.view()
+                prompt = Prompt(result, arguments.seed, arguments.which, arguments.episode_length)
             played = prompt.play(text)
         except UserError as error:
             print(f"error: {error}", file=sys.stderr, flush=True)

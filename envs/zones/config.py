@@ -1,5 +1,7 @@
 """What distinguishes one ZoneEnv from another."""
 
+from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -8,6 +10,7 @@ import numpy as np
 from envs.zones import layouts
 from t2tl_jax import checks
 from t2tl_jax.env import EnvConfig
+from t2tl_jax.errors import unknown
 
 EPISODE_LENGTH = 1000
 """Published limit of an episode, in environment steps. Applied outside: the environment itself knows no time."""
@@ -83,6 +86,32 @@ class ZoneConfig(EnvConfig):
         if self.layout == "fixed":
             return layouts.FIXED_COLOURS
         return self.colours or layouts.RANDOM_COLOURS
+
+    def with_colours(self, names: Collection[str]) -> "ZoneConfig":
+        """The same with more discs: of each of these colours as many as of the colour that has fewest so far.
+
+        Colours that are there already stay as they are. The arena and the size of the discs do not change, so that they
+        lie closer; whether there is room for all of them, `ZoneEnv` finds out.
+
+        Args:
+            names: propositions, such as ``("Red", "White")``; their order makes no difference.
+
+        Raises:
+            ValueError: for a name that is no colour of a disc, or for other colours than its own on the fixed map.
+        """
+        for name in names:
+            if name not in layouts.COLOURS.values():
+                raise unknown("colour", name, layouts.COLOURS.values())
+        discs = self.colour_of_each_disc
+        more = [letter for letter, name in layouts.COLOURS.items() if name in names and letter not in discs]
+        if not more:
+            return self
+        if self.layout == "fixed":
+            raise ValueError(
+                f"the fixed map has no discs of other colours than its own, got {', '.join(names)}; use layout='random'"
+            )
+        each = min(Counter(discs).values())
+        return replace(self, colours=discs + "".join(letter * each for letter in more))
 
 
 OPEN = ZoneConfig(layout="random", arena="open", radius=0.4, lidar_gain=0.5, colours="GGYYBBMM")

@@ -25,6 +25,11 @@ class MergedConfig(StateEncoderConfig):
     in_windows: ClassVar[bool] = True
     in_carried: ClassVar[bool] = True
 
+    @property
+    def by_role(self) -> bool:
+        """Nothing else is read."""
+        return True
+
     def check(self, objects: Objects | None, reader: TaskEncoderConfig) -> None:
         """There have to be readings, and a code that speaks of each proposition by itself."""
         objects = check_roles("network.state=merged", objects, reader)

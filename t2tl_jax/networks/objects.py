@@ -57,6 +57,11 @@ class ObjectsConfig(StateEncoderConfig):
                 f"heads share the last layer: state.heads must divide {self.layers[-1]}, got heads={self.heads}"
             )
 
+    @property
+    def by_role(self) -> bool:
+        """As `identity` says."""
+        return self.identity == "role"
+
     def check(self, objects: Objects | None, reader: TaskEncoderConfig) -> None:
         """There have to be objects, and of roles the code has to speak."""
         check_objects("network.state=objects", objects)

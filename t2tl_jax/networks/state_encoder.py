@@ -26,6 +26,12 @@ class StateEncoderConfig:
     """Of states that read the task: whether their objects can be remembered each by itself and merged later, so that a
     state that is carried can remember them. The module then has `of_objects` and `of_remembered`, see `merged.py`."""
 
+    @property
+    def by_role(self) -> bool:
+        """Whether of an object nothing is read but its numbers and what the code says of its proposition. Propositions
+        may then be renamed and others may come, as many as the code has room for."""
+        return False
+
     def check(self, objects: Objects | None, reader: TaskEncoderConfig) -> None:
         """Whether this can read such observations and such codes.
 

@@ -7,6 +7,8 @@ from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import Formula, LTLError, TaskTable, resolve_tasks
 from t2tl_jax.ltl.compiler.automaton import build
 from t2tl_jax.ltl.padding import NODES_PER_ROW, needed_nodes, padded
+from t2tl_jax.networks.state_encoder import StateEncoderConfig
+from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.pools import check_open
 
@@ -27,6 +29,15 @@ def check_reads_formulas(experiment: Experiment) -> None:
             f"code of {type(reader).__name__}, which tells its rows apart by their places; train with a task encoder "
             "that reads formulas, such as transformer or gru"
         )
+
+
+def told_by_role(config: Config) -> int:
+    """How many propositions an agent tells apart by nothing but what they are to its task, so that it may meet others
+    than in training; 0 for one that reads names, or that has a place in its observation for each."""
+    state, reader = getattr(config.learner.network, "state", None), config.learner.task_encoder
+    if not isinstance(state, StateEncoderConfig) or not state.by_role or reader is None or reader.reads_tokens:
+        return 0
+    return reader.propositions_told or 0
 
 
 def compile_formulas(experiment: Experiment, formulas: Sequence[Formula]) -> TaskTable:

@@ -191,6 +191,7 @@ def solved(folder: RunFolder, config: Config, physics: str) -> Estimate | None:
         what = entry.get("settings", {})
         if (
             what.get("checkpoint") in FINAL
+            and "colours" not in what  # those were played on other maps
             and what.get("plan", "none") == config.plan
             and all(
                 what.get(name, value) == value  # older files do not name all of them

@@ -1,7 +1,8 @@
 """What the training of a run met of some tasks: the rows of the pools that it drew, which can be made again."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,17 +12,19 @@ from t2tl_jax.ltl import (
     Formula,
     Share,
     TaskTable,
+    compile_tasks,
     is_family,
     languages,
     languages_of_each,
     renaming,
     resolve,
     resolve_tasks,
+    row_languages,
     share,
 )
 from t2tl_jax.ltl.languages import Language
 from t2tl_jax.runs.config import Config
-from t2tl_jax.runs.pools import make_pools
+from t2tl_jax.runs.pools import Letters, make_pools
 
 MOST_POOLS = 1
 """The rows of so many pools are counted where nothing else is said. A pool of hundreds of formulas takes seconds, and
@@ -29,6 +32,10 @@ the second one asks for that of the evaluation, too."""
 
 _DECIDED = 2
 """The first pools of a curriculum, which do not depend on success in training and can be made again without it."""
+
+
+Rows: TypeAlias = tuple[Set[Language], Set[Language]]
+"""By language, and up to renaming of propositions."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +87,8 @@ def met_in_training(
 
     Args:
         config: of the run.
-        env: its environment.
-        tasks: names or formulas.
+        env: that of the training.
+        tasks: names or formulas, perhaps over other propositions, too; see `met_elsewhere`.
         iterations: that it trained for.
         most: the first pools, at most, whose rows are counted; where training drew more, the shares are at least so
             high.
@@ -107,9 +114,42 @@ def met_in_training(
     exactly, renamed, part = known.keys(), frozenset(known.values()), counted < drawn
     found = {}
     for name, formula in resolve_tasks(tasks).items():
+        if others := [other for other in formula.propositions() if other not in names]:
+            found[name] = Met(*met_elsewhere(formula, (*names, *others), env, (exactly, renamed), part))
+            continue
         (rows,) = languages_of_each([formula], names, alphabet)
         found[name] = Met(share(list(rows), exactly, part), share(list(rows.values()), renamed, part))
     return MetInTraining(found, counted, drawn)
+
+
+def met_elsewhere(
+    formula: Formula, there: Sequence[str], here: Letters, known: Rows, at_least: bool = False
+) -> tuple[Share, Share]:
+    """What a training in one world met of a task of another, of more propositions: by language, and up to renaming.
+
+    What a row does not read is to it as if nothing were true, so that its language is compared in the world of the
+    training; a row that reads more propositions than that one has was not met.
+
+    Args:
+        formula: the task.
+        there: the propositions of its world.
+        here: the world of the training.
+        known: what training met.
+        at_least: whether `known` is only a part of that.
+    """
+    table = compile_tasks([formula], there, here.alphabet)
+    rows = np.flatnonzero(np.asarray(table.verdict) == 0).tolist()
+    met, names = [0, 0], here.propositions
+    for row in rows:
+        (left,) = resolve_tasks([table.text(row)]).values()
+        read = left.propositions()
+        if set(read) <= set(names):
+            met[0] += row_languages([left], names, here.alphabet, renamed=False)[0] in known[0]
+        if len(read) <= len(names):
+            others = [name for name in names if name not in read]
+            in_place = (*read, *others)[: len(names)]
+            met[1] += row_languages([left], in_place, here.alphabet)[0] in known[1]
+    return Share(met[0], len(rows), at_least), Share(met[1], len(rows), at_least)
 
 
 def new_rows(table: TaskTable, known: Mapping[Language, Language]) -> dict[Language, Language]:

@@ -187,6 +187,18 @@ class Result:
         """
         return self._on_each(tasks)[0]
 
+    def elsewhere(self, env: LabelledEnv, tasks: Sequence[str]) -> "Result":
+        """The same policies in another environment, as `evaluate` takes it, with the first of some tasks there.
+
+        Args:
+            env: where they are to play.
+            tasks: names or formulas.
+
+        Raises:
+            UserError: for a task or an environment that does not fit.
+        """
+        return replace(self, experiment=self._on_each(tasks, env)[1])
+
     def _on_each(self, tasks: Sequence[str], env: LabelledEnv | None = None) -> tuple[dict[str, TaskTable], Experiment]:
         """Their tables, in the environment if one is given, and the experiment with the first of them."""
         tables = compile_each(self.experiment if env is None else replace(self.experiment, env=env), tasks)

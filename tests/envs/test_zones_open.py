@@ -221,6 +221,27 @@ def test_more_colours(config, colours):
     assert not env.labels(first).any()
 
 
+def test_colours_can_be_added_to_random_maps():
+    """Of each as many discs as of the rarest colour; the order of the names makes no difference."""
+    more = OPEN.with_colours(("Red", "Blue", "White"))
+    assert more == replace(OPEN, colours="GGYYBBMMWWRR") == OPEN.with_colours(["White", "Red"])
+    assert replace(OPEN, colours="GGGYB").with_colours(("Teal",)).colours == "GGGYBT"
+    assert ZoneConfig(layout="random").with_colours({"Blue"}).colours == "JJRRWWYYBB"
+    assert OPEN.with_colours(("Blue",)) is OPEN and ZoneConfig().with_colours(("Black",)) == ZoneConfig()
+    env = ZoneEnv(replace(more, physics="closed_form", pool_size=4))
+    assert env.propositions == ("White", "Blue", "Green", "Red", "Yellow", "Magenta")
+    zone_layouts.check_disjoint(env.make_params(3).zones, OPEN.radius)
+
+
+def test_colours_that_cannot_be_added():
+    with pytest.raises(ValueError, match=r"unknown colour 'Redd'; did you mean 'Red'\?"):
+        OPEN.with_colours(("Redd",))
+    with pytest.raises(ValueError, match="the fixed map has no discs of other colours than its own, got Black, Blue"):
+        ZoneConfig().with_colours(("Black", "Blue"))
+    with pytest.raises(ValueError, match="14 zones cannot be placed"):
+        ZoneEnv(OPEN.with_colours(("Red", "White", "Cyan")))
+
+
 def test_discs_never_touch_however_small_their_keepout():
     pool = zone_layouts.sample_layouts(20, 20, 0, radius=0.4, keepout=0.4)
     zone_layouts.check_disjoint(pool.zones, 0.4)

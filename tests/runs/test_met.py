@@ -39,6 +39,16 @@ def test_of_a_task_its_own_rows():
     }
 
 
+def test_of_a_task_over_other_propositions_what_does_not_read_them_and_what_does_under_other_names():
+    config = replace(FAMILY, task=TASK)
+    found = met.met_in_training(config, ProbeEnv(), ["F Left", "F(Left & F Down)", "F(Up & F(Down & F Left))"], 9)
+    assert shares(found) == {
+        "F Left": ("0/1", "1/1"),
+        "F(Left & F Down)": ("1/2", "2/2"),
+        "F(Up & F(Down & F Left))": ("0/3", "2/3"),
+    }
+
+
 def test_the_pools_that_it_drew_are_looked_at_and_no_other_formulas():
     pools = Pools(FAMILY, ProbeEnv())
     drawn = [pools.training(number) for number in range(3)]

@@ -18,7 +18,6 @@ from experiments.reproduction.anytask.suites import Suite
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import (
     Formula,
-    compile_tasks,
     is_family,
     languages,
     renaming,
@@ -28,12 +27,11 @@ from t2tl_jax.ltl import (
 )
 from t2tl_jax.ltl.compiler.steps import Steps
 from t2tl_jax.ltl.languages import Language
-from t2tl_jax.ltl.split import Share
 from t2tl_jax.registry import make_env
 from t2tl_jax.runs import config_files, pool_workers
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
-from t2tl_jax.runs.met import new_rows, pools_drawn
+from t2tl_jax.runs.met import Rows, met_elsewhere, new_rows, pools_drawn
 from t2tl_jax.runs.pools import make_pools
 
 FILE = "met.json"
@@ -46,9 +44,6 @@ Shares = dict[str, dict[str, Any]]
 """``{"exactly": {task: "2/5"}, "renamed": {task: "3/5"}, "rows": {"exactly": 90, "renamed": 40}, "own": {...}}``: by
 language, and up to renaming of propositions. `own` counts the formulas of `OWN`: all of them, those that training met
 as a whole under their own names and up to renaming, and those of which it met no row up to renaming."""
-
-Rows = tuple[frozenset[Language], frozenset[Language]]
-"""By language, and up to renaming of propositions."""
 
 MOST_KEPT = 2
 """So many sets of pools are remembered: those of an agent, and of the code that was learned before it."""
@@ -116,7 +111,10 @@ def shares(config: Config, tasks: dict[str, list[Formula]], elsewhere: Iterable[
     for suite, task in elsewhere:
         assert suite.env is not None
         name, there = tested.name_elsewhere(task, suite), make_env(suite.env)
-        found["exactly"][name], found["renamed"][name] = map(str, _met_elsewhere(task, there, env, known))
+        (formula,) = resolve_tasks([task]).values()
+        found["exactly"][name], found["renamed"][name] = map(
+            str, met_elsewhere(formula, there.propositions, env, known)
+        )
     return found | _met_of_own(config, env, known, found)
 
 
@@ -154,27 +152,6 @@ def _ahead(steps: Steps, start: int) -> list[int]:
         found.update(dict.fromkeys(fresh))
         waiting += fresh
     return list(found)
-
-
-def _met_elsewhere(task: str, there: LabelledEnv, here: LabelledEnv, known: Rows) -> tuple[Share, Share]:
-    """What a training in one world met of a task of another, of more propositions: by language, and up to renaming.
-
-    What a row does not read is to it as if nothing were true, so that its language is compared in the world of the
-    training; a row that reads more propositions than that one has was not met.
-    """
-    table = compile_tasks(list(resolve_tasks([task]).values()), there.propositions, there.alphabet)
-    rows = np.flatnonzero(np.asarray(table.verdict) == 0).tolist()
-    met = [0, 0]
-    for row in rows:
-        (formula,) = resolve_tasks([table.text(row)]).values()
-        read, names = formula.propositions(), here.propositions
-        if set(read) <= set(names):
-            met[0] += row_languages([formula], names, here.alphabet, renamed=False)[0] in known[0]
-        if len(read) <= len(names):
-            others = [name for name in names if name not in read]
-            in_place = (*read, *others)[: len(names)]
-            met[1] += row_languages([formula], in_place, here.alphabet)[0] in known[1]
-    return Share(met[0], len(rows)), Share(met[1], len(rows))
 
 
 def _formulas(suites: tuple[Suite, ...], env: LabelledEnv) -> Iterator[tuple[str, list[Formula]]]:

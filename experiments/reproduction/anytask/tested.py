@@ -21,7 +21,7 @@ from experiments.paper import fixed_set
 from experiments.reproduction.anytask import suites
 from experiments.reproduction.anytask.suites import Suite
 from experiments.reproduction.plan import Run, ScaleName
-from t2tl_jax.env import EnvParams, LabelledEnv
+from t2tl_jax.env import EnvParams
 from t2tl_jax.evaluation.animation import recorder
 from t2tl_jax.evaluation.report import COLUMNS, Report
 from t2tl_jax.ltl import Formula, TaskTable, is_family, make_sampler, resolve_task
@@ -141,7 +141,7 @@ def _made(run: Run, scale: ScaleName, result: Result, part: str) -> tuple[str, d
 def _played(result: Result, suite: Suite, small: bool) -> dict[str, Any]:
     """A suite's figures; of two tasks within the training's time limit, if it is to be small."""
     if suite.env is not None:
-        result = _elsewhere(result, make_env(suite.env), suite.tasks)
+        result = result.elsewhere(make_env(suite.env), suite.tasks)
     own, most, episodes = result.config.episode_length, 2 if small else None, 2 if small else suites.EPISODES
     length = own if small else suite.limit or own
     experiment = result.experiment
@@ -162,13 +162,6 @@ def _played(result: Result, suite: Suite, small: bool) -> dict[str, Any]:
     played = evaluations.evaluate_tables(experiment, params, list(tables.values()), episodes, length)["final"]
     found = {name: _by_policy(reports) for name, reports in zip(tables, played, strict=True)}
     return {"episodes": episodes, "tasks": found}
-
-
-def _elsewhere(result: Result, env: LabelledEnv, tasks: Sequence[str]) -> Result:
-    """The same agents in another world."""
-    experiment = result.experiment
-    table = next(iter(any_task.compile_each(replace(experiment, env=env), tasks).values()))
-    return replace(result, experiment=experiment.elsewhere(env, table))
 
 
 def name_of_maps(count: int) -> str:
