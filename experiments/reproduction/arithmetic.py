@@ -158,7 +158,7 @@ def _table_of_rows(stored: Mapping[str, Any]) -> str:
         (
             f"{one['rows']:,}",
             one["minibatches_of"],
-            f"{one['seconds']:.2f} s ({one['fastest']:.2f}, {one['slowest']:.2f})",
+            f"{_time(one['seconds'])} ({_time(one['fastest'])}, {_time(one['slowest'])})",
             "-" if one["memory_mib"] is None else f"{one['memory_mib']:,.0f} MiB",
         )
         for one in found
@@ -172,24 +172,39 @@ def _table_of_rows(stored: Mapping[str, Any]) -> str:
     return "\n\n".join((paragraph(said), table(heading, rows), compared, origin([stored["where"]])))
 
 
+def _time(seconds: float) -> str:
+    return f"{seconds:.2f} s" if seconds >= 0.1 else f"{seconds * 1000:.1f} ms"
+
+
+AS_FAST = 1.1
+"""So many times as long is still the same speed."""
+
+
 def _as_fast(found: Sequence[Mapping[str, Any]], samples: int) -> str:
     """How much longer the largest table takes than the smallest, which it was to be as fast as, and than one of as many
     rows as a minibatch has samples."""
     small, large = (pick(one["rows"] for one in found) for pick in (min, max))
     seconds = {(one["rows"], one["minibatches_of"]): one["seconds"] for one in found}
 
-    def times(rows: int) -> str:
-        said = [
-            f"{seconds[large, kind] / of:.1f} times as long ({kind})"
+    def ratios(rows: int) -> dict[str, float]:
+        return {
+            kind: seconds[large, kind] / of
             for (count, kind), of in seconds.items()
             if count == rows and (large, kind) in seconds
-        ]
-        return " and ".join(said)
+        }
 
+    def times(rows: int) -> str:
+        return " and ".join(f"{ratio:.1f} times as long ({kind})" for kind, ratio in ratios(rows).items())
+
+    if max(ratios(small).values()) <= AS_FAST:
+        reached = f"""reached here: {large:,} rows take {times(small)} as {small:,}. So little is computed at once that
+            the rows of a minibatch make no difference; with larger minibatches or codes they might."""
+    else:
+        reached = f"""**not reached** here: {large:,} rows take {times(small)} as {small:,}, since a minibatch holds
+            that many more rows to encode."""
     text = f"""
         The aim was that tables of 10,000 rows train at the speed of small ones. With a code that is learned this is
-        **not reached** here: {large:,} rows take {times(small)} as {small:,}, since a minibatch holds that many more
-        rows to encode. Codes that are looked up have nothing to encode."""
+        {reached} Codes that are looked up have nothing to encode."""
     if times(samples):
         text += f"""
             A minibatch has {samples} samples, so there are never more rows to encode than that: compared with a table

@@ -4,7 +4,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
@@ -31,6 +31,9 @@ PACKAGES = (
 MOST_CHANGES = 100
 """So many changed files are named."""
 
+OUTPUTS = ("certificates.json",)
+"""Files that commands add to beside a stored run. Nothing that trains, plays or is timed reads them."""
+
 
 def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Versions, revision, devices and command line as an object for JSON.
@@ -55,6 +58,14 @@ def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         "matmul_precision": jax.config.jax_default_matmul_precision,  # type: ignore[attr-defined]  # jax 0.9
         "xla_flags": os.environ.get("XLA_FLAGS", ""),
     }
+
+
+def modified(where: Mapping[str, Any]) -> bool | None:
+    """Whether a tree differed from its commit in anything but `OUTPUTS`, by what `describe` said; None if unknown."""
+    changed = where.get("git_changed", [])
+    if not where.get("git_modified") or not changed or len(changed) >= MOST_CHANGES:
+        return where.get("git_modified")
+    return any(Path(name).name not in OUTPUTS for name in changed)
 
 
 @cache

@@ -66,3 +66,30 @@ def test_tables_are_timed_by_their_rows(tmp_path):
     shown = arithmetic.tables(tmp_path)
     assert "| 32 | environments | " in shown and "4 environments of" in shown
     assert tables.main(["--rows", "3"]) == 2
+
+
+def test_an_aim_for_large_tables_is_reached_where_no_kind_of_minibatch_is_slower(tmp_path):
+    settings = {"num_envs": 4, "unroll_length": 4, "minibatch_size": 8, "repeats": 1}
+    where = {"git_revision": "a" * 40, "devices": ["NVIDIA H200"]}
+
+    def told(*seconds):
+        results = [
+            {
+                "rows": rows,
+                "minibatches_of": kind,
+                "seconds": took,
+                "fastest": took,
+                "slowest": took,
+                "memory_mib": None,
+            }
+            for (rows, kind), took in zip(
+                [(n, kind) for n in (64, 10_240) for kind in ("steps", "environments")], seconds, strict=True
+            )
+        ]
+        content = {"where": where, "settings": settings, "results": results}
+        (tmp_path / "tables_h200.json").write_text(json.dumps(content))
+        return " ".join(arithmetic.tables(tmp_path).split())
+
+    assert "is reached here: 10,240 rows take 1.0 times as long (steps) and 1.1" in told(0.02, 0.02, 0.02, 0.0219)
+    slower = told(0.02, 0.02, 0.02, 0.03)
+    assert "**not reached** here" in slower and "| 64 | steps | 20.0 ms (20.0 ms, 20.0 ms) | - |" in slower

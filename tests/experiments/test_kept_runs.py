@@ -62,6 +62,11 @@ def made_from(path, revision, modified=False, **more):
         ({"git_revision": "abc", "git_modified": None}, "whether its tree differed"),
         ({"git_revision": "abc", "git_modified": True}, "in some files"),
         ({"git_revision": "abc", "git_modified": True, "git_changed": ["results/a.json"]}, "in results/a.json"),
+        (
+            {"git_revision": "abc", "git_modified": True, "git_changed": ["a/certificates.json", "b.py"]},
+            "in a/certificates.json, b.py",
+        ),
+        ({"git_revision": "abc", "git_modified": True, "git_changed": ["certificates.json"] * 100}, "in certificates"),
     ],
 )
 def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, versions, why):
@@ -73,6 +78,9 @@ def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, v
     (source / "versions.json").write_text(json.dumps({"started": clean}))
     stored.keep("run", source, tmp_path / "kept", repository=repository)
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["versions.json"]
+    changed = {"git_modified": True, "git_changed": ["results/any/a/certificates.json"]}
+    (source / "versions.json").write_text(json.dumps({"started": clean | changed}))
+    stored.keep("run", source, tmp_path / "kept", repository=repository)
 
 
 def test_results_of_commits_that_nobody_could_look_up_are_not_kept(source, tmp_path, repository, monkeypatch):

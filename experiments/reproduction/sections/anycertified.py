@@ -38,9 +38,8 @@ def certified(runs: Mapping[str, Stored]) -> str:
             "seeds of the tables before. Intervals are exact and binomial (Clopper and Pearson); they hold at once "
             f"with {CONFIDENCE:.0%} within a run (Bonferroni), not over several runs. Time-outs and ends by the "
             "environment are shares without bounds.",
-            "Each is made by `python -m experiments.evaluate results/any/RUN --tasks TASKS --certify "
-            f"{tested.CERTIFICATE_EPISODES}`; certificates.json beside the parameters holds the bounds and the whole "
-            "command.",
+            "Each is made by `python -m experiments.evaluate results/any/RUN --tasks TASKS --certify EPISODES`; "
+            "certificates.json beside the parameters holds the bounds and the whole command.",
             f"Of these certificates: {origin([one.get('where', {}) for _, one in found])}",
             "Of the trainings:",
         )
