@@ -82,6 +82,7 @@ def test_environments_are_shown_as_they_were_measured(tmp_path):
     shared = {**of_one, "devices": ["NVIDIA H100"] * 2, "time": "2026-01-02"}  # the README's are of one GPU
     measured.write(tmp_path / "benchmark_two.json", shared, {}, [replace(row, rate=1e9, devices=2) for row in rows])
     measured.write(tmp_path / "benchmark_y.json", {**of_one, "time": "2026-01-03"}, {}, rows[-4:])  # a world is missing
+    measured.write(tmp_path / "benchmark_z.json", {**of_one, "time": "2026-01-04"}, {}, rows[:5])  # a smaller batch
     [(title, hardware, figure)] = speed.largest(tmp_path)
     assert title.startswith("Random play on one map, 64 environments: ZoneEnv by MJX / in closed form / WaterWorld / ")
     assert (hardware, figure) == ("H100", "64,000 / 128,000 / 192,000 / 256,000 / 320,000 steps/s")
