@@ -272,16 +272,20 @@ def benchmarks(results: Path) -> list[dict[str, Any]]:
 
 
 def everything(results: Path) -> str:
-    """What `experiments.benchmark --json` wrote, of every stored file: the tables that it prints."""
+    """What `experiments.benchmark --json` wrote, of every stored file: the tables that it prints, but for that of
+    environments, which has a place of its own."""
     parts = []
     for file in sorted(results.glob("benchmark_*.json")):
         where, rows = measured.read(file)
-        parts += [
-            f"`results/{file.name}`:",
-            f"    {_command(where)}",
-            measured.table([row for row in rows if row.part == "training"]),
-            origin([where]),
-        ]
+        parts += [f"`results/{file.name}`:", f"    {_command(where)}"]
+        for name, shown in (
+            ("progression", measured.table),
+            ("training", measured.table),
+            ("solve", measured.solved_table),
+        ):
+            if of_part := [row for row in rows if row.part == name]:
+                parts.append(shown(of_part))
+        parts.append(origin([where]))
     return "\n\n".join(parts) or "Not measured yet from a commit of this history."
 
 

@@ -95,8 +95,12 @@ def test_trainings_are_shown_as_they_were_measured(tmp_path):
         measured.Row(part, "zone_ppo_long:t2tl", "12 seeds", "frames/s", 1_512_345.0, 1.5e6, 1.52e6)
         for part in ("training", "environments")
     ]
+    rows.append(measured.Row("progression", "phi_zone", "8 at once, 5 rows", "steps/s", 1e9, 1e9, 1e9))
+    rows.append(measured.Row("solve", "zone_ppo:t1tl", "1 seed", "frames/s", 1.0, 1.0, 1.0, seconds=31.0, frames=9000))
     measured.write(tmp_path / "benchmark_x.json", where, {}, rows)
     shown = speed.everything(tmp_path)
+    assert "| phi_zone | 8 at once, 5 rows | 1,000,000,000 steps/s" in shown
+    assert "| zone_ppo:t1tl | 1 seed | 31 s | 9,000 |" in shown
     assert shown.count("| zone_ppo_long:t2tl | 12 seeds | 1,510,000 frames/s (1,500,000, 1,520,000) |") == 1
     assert "`results/benchmark_x.json`" in shown and "Commits: bbbbbbb. Hardware: NVIDIA H200." in shown
 
