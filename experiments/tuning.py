@@ -1,7 +1,7 @@
 """On which seeds the settings of each configuration were chosen, and with what: these seeds are not reported."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.registry import configs
@@ -18,9 +18,14 @@ class Tuning:
     """What was trained in it."""
     seeds: tuple[int, ...]
     """On which seeds."""
+    of: str = ""
+    """The named configuration that was searched for, where it is another one."""
+    form: str = ""
+    """What codes had in all of it, where that is known."""
 
 
 _SEEDS = tuple(range(FIRST_TUNING_SEED, FIRST_TUNING_SEED + 12))
+_WATER = Tuning("rm; codes: t1tl", _SEEDS, form="a frozen encoder and the bilinear head")
 _ZONE = Tuning("t1tl, t2tl", _SEEDS)
 _ZONE_LONG = Tuning("t1tl", (*range(12), *_SEEDS))  # of version 0.1, in part on the seeds that it reports
 
@@ -30,11 +35,11 @@ TUNED = {
     "zone_ppo_long": _ZONE_LONG,
     "zone_ppo_random": _ZONE_LONG,
     "zone_ppo_safe": Tuning("t1tl", _SEEDS),
-    "waterworld_dqn": Tuning("rm; codes: t1tl", _SEEDS),
+    "waterworld_dqn": _WATER,
     "zones_any": Tuning("look-ahead", _SEEDS[:4]),
     "flat_any": Tuning("look-ahead", _SEEDS[:4]),
     "water_any": Tuning("look-ahead", _SEEDS[:2]),
-    "waterworld_dqn_paper": Tuning("rm; codes: t1tl", _SEEDS),  # by the settings of waterworld_dqn
+    "waterworld_dqn_paper": replace(_WATER, of="waterworld_dqn"),
     # There are maps 1 to 10 alone. On which of them crm's learning rate was chosen is not recorded: maybe on any.
     "rm_water_crm": Tuning("crm", tuple(range(1, 11))),
     "rm_water_crm_shaped": Tuning("crm", tuple(range(1, 11))),

@@ -9,7 +9,7 @@ from experiments.reproduction.cells import COST, cost, median_frames, share, sol
 from experiments.reproduction.claims import differences
 from experiments.reproduction.measures import delayed, frames_before, frames_to
 from experiments.reproduction.page import table
-from experiments.reproduction.sections.settings import settings
+from experiments.reproduction.sections.settings import chosen, settings
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
 
@@ -55,7 +55,8 @@ def ablation(
         heading = ("run", *(title for titles, _ in columns for title in titles))
         rows = [(name, *(cell for _, cells in columns for cell in cells[index])) for index, name in enumerate(runs)]
         what = f"mean {WORDS[unit]} over training"
-        parts = [table(heading, rows), differences(runs, pairs, areas, what, claims), settings(runs, pairs)]
+        parts = [table(heading, rows), differences(runs, pairs, areas, what, claims)]
+        parts += [settings(runs, pairs), chosen(runs)]
         if codes:
             parts.append(CODES_NOTE)
         parts.append(small_batches(runs))

@@ -1,13 +1,15 @@
 """What compared runs differ in besides the idea: sizes, what settings were chosen on, and the settings themselves."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from experiments import fairness, tuning
 from experiments.reproduction import rates
 from experiments.reproduction.page import paragraph, table
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
+from t2tl_jax.registry import configs
 from t2tl_jax.runs.differences import differences
 from t2tl_jax.training.seeds import parse_seeds
 
@@ -61,6 +63,87 @@ def what_differs(runs: Mapping[str, Stored], labels: Mapping[str, str], world: s
         return ""
     differs = table(("method", *fairness.HEADING[1:]), rows)
     return f"What differs beside the method. {fairness.NOTE}\n\n{differs}\n\n{searched(world)}"
+
+
+FORMS = {
+    "learner.network.freeze_task_encoder=False": "an encoder that is trained on",
+    "learner.network.head=concat": "a code that is concatenated with the state",
+    "learner.counterfactual=False": "learning from the own row alone",
+    "learner.printed_argmax=True": "the argmax as printed",
+    "random_starts=0.5": "episodes that start at a later sub-task",
+    "labels=state": "the printed labels",
+}
+"""By what a run has and the configuration that was searched for has not, what that is in words."""
+
+WITHOUT, ON_RANDOM = "no pre-training", "pre-training on random formulas"
+"""The same of where an encoder begins."""
+
+LEADS = "So where the form that they were chosen for is ahead, the settings may be a reason."
+
+EARLIER = """The runs per-16 and every-step have settings that `waterworld_dqn` had before its present ones; on which
+maps those were chosen is not recorded."""
+
+
+def chosen(runs: Mapping[str, Stored]) -> str:
+    """For which form the settings of compared runs were chosen, and which of the runs have another one.
+
+    '' where that is not known, and where no run has another one.
+
+    Args:
+        runs: of one world.
+    """
+    parts = []
+    if others := _other_forms(runs):
+        origin = _searched_for(next(iter(runs.values())))
+        found = tuning.TUNED[origin]
+        each = [
+            f"{form} ({'all runs here' if len(names) == len(runs) else ', '.join(names)})"
+            for form, names in others.items()
+        ]
+        parts.append(
+            f"Settings were chosen for `{origin}` on seeds {tuning.in_words(found.seeds)} (with {found.methods}), "
+            f"where codes have {found.form}. They were not chosen again for {'; nor for '.join(each)}. {LEADS}"
+        )
+    if any(name.endswith("-per-16") for name in runs):
+        parts.append(EARLIER)
+    return " ".join(" ".join(parts).split())
+
+
+def _other_forms(runs: Mapping[str, Stored]) -> dict[str, list[str]]:
+    """By form, the runs that have it though settings were not chosen for it."""
+    found: dict[str, list[str]] = {}
+    for name, run in runs.items():
+        for form in _forms(run):
+            found.setdefault(form, []).append(name)
+    return found
+
+
+def _forms(run: Stored) -> Iterator[str]:
+    """What a run has that the configuration which was searched for has not, beside its method and its numbers."""
+    origin, learner = _searched_for(run), _learner(run)
+    if origin not in tuning.TUNED or not tuning.TUNED[origin].form:
+        return
+    changes = list(differences(configs()[origin][0], run.config))
+    reads = learner.task_encoder is not None and learner.task_encoder.learned
+    for change, words in FORMS.items():
+        if change in changes and (reads or "freeze" not in change):  # a one-hot code has nothing to freeze
+            yield words
+    if reads and not run.config.pretrained:
+        yield WITHOUT
+    elif reads and run.config.pretrained.endswith("-random"):
+        yield ON_RANDOM
+
+
+def _searched_for(run: Stored) -> str:
+    """The named configuration whose settings a run has."""
+    nearest = tuning.nearest(run.config)
+    tuned = tuning.TUNED.get(nearest)
+    return tuned.of or nearest if tuned else nearest
+
+
+def _learner(run: Stored) -> Any:
+    """Of either kind: both have a task encoder."""
+    return run.config.learner
 
 
 MANY = "These differ in more than one setting, told of the first and of the second; the other pairs in one:"

@@ -54,7 +54,8 @@ def why(runs: Mapping[str, Stored]) -> str:
         f"{lags[1]:.3f} in the paper's form: {old}. With a tenth of the encoder's step size codes move "
         f"{moved_slowly:.3f} instead of {moved:.3f}, and the difference is "
         f"{over_training[SLOW, 'water-paper-t1tl'].gap.text()}. By the success of the final parameters: "
-        f"{_decided(at_the_end, lower=True)} So why the paper's form is behind, where it is, stays open."
+        f"{_decided(at_the_end, lower=True)} So why the paper's form is behind, where it is, stays open; that no "
+        "settings were chosen for it, as said above, may be a part of it."
     )
 
 
