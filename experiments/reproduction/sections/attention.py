@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.benchmarks.removal import table as removal_table
 from experiments.paper import published_attention
-from experiments.reproduction.cells import cost_line, text
+from experiments.reproduction.cells import cost_line, share, solved, text
 from experiments.reproduction.claims import Share, majorities
 from experiments.reproduction.page import origin, paragraph, table
 from experiments.reproduction.stored import Stored
@@ -30,6 +30,11 @@ NOTE = """Token* is the token that receives most attention, the needed token the
 most. The paper shows one agent, so each of its claims is asked of every seed here, and is reproduced where it holds for
 more than half of the seeds (of the episodes, for what is entered first). By chance token* would be a given one of nine
 tokens in one seed of nine. At the start the published conjunction leads by less than what reading the picture errs."""
+
+OF_ALL = f"""Figures of the end are of all seeds, also of agents that do not do the task: the share of episodes that
+carry it out is {{success}}. So the claims of the end are not of agents alone that do it. Whoever carries the task out
+has to enter {GOAL}, but may enter Yellow or White before. What episodes that fail enter first is not stored; if they
+never begin with {GOAL}, the share that enters {GOAL} first cannot be above the share that carries the task out."""
 
 REMOVAL = "removal.json"
 """Of `experiments.benchmarks.removal`, among the results."""
@@ -53,7 +58,8 @@ def attention(runs: Mapping[str, Stored]) -> str:
         if stage in found["over_seeds"]
     }
     parts = (
-        _table(stages),
+        _table(stages, runs),
+        of_all(stages, runs),
         _by_token(stages),
         majorities(claims(stages)),
         _projections(read),
@@ -108,7 +114,23 @@ def _counted_share(found: Mapping[str, Any] | None, which: str, token: str) -> S
     return (sum(count for name, count in counts.items() if _word(name) == token) / total, total) if total else None
 
 
-def _table(stages: Stages) -> str:
+def of_all(stages: Stages, runs: Mapping[str, Stored]) -> str:
+    """That agents which do not do the task are among those that were read, and how many episodes carry it out.
+
+    '' where that was not evaluated.
+    """
+    rates = {name: list(runs[name].by_seed("success_rate").values()) for name, stage in stages if stage == "end"}
+    known = [f"{float(np.mean(of)):.2f} ({name})" for name, of in rates.items() if of]
+    return paragraph(OF_ALL.format(success=" and ".join(known))) if known else ""
+
+
+def _done(run: Stored, stage: str) -> tuple[str, str]:
+    """How many seeds solve the task and how many episodes carry it out: of the final parameters, so at the end."""
+    rates = run.by_seed("success_rate")
+    return (solved(run), share(rates)) if stage == "end" and rates else ("-", "-")
+
+
+def _table(stages: Stages, runs: Mapping[str, Stored]) -> str:
     rows: list[tuple[str, ...]] = [
         (
             f"{name}, {stage}",
@@ -118,6 +140,7 @@ def _table(stages: Stages) -> str:
             Estimate(**found["agreement_over_rows"]).text(2),
             Estimate(**found["rank_correlation"]).text(2),
             Estimate(**found["first"][GOAL]).text(2) if GOAL in found["first"] else "-",
+            *_done(runs[name], stage),
         )
         for (name, stage), found in stages.items()
     ]
@@ -129,6 +152,8 @@ def _table(stages: Stages) -> str:
         "agree, all sub-tasks",
         "rank correlation",
         f"episodes that enter {GOAL} first",
+        "solved",
+        "episodes that carry the task out",
     )
     if not rows:
         return ""
