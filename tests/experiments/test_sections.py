@@ -262,6 +262,35 @@ def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make
     assert ablation.small_batches({"water-rm-every-step": runs["water-rm-every-step"]}) == ""
 
 
+def test_for_which_form_settings_were_chosen_is_said_beside_the_others(make):
+    names = ("water-t1tl", "water-paper-t1tl", "water-rm", "water-dfa", "water-rm-per-16")
+    runs = {name: make(name) for name in names}
+    text = settings.chosen({name: runs[name] for name in names[:2]})
+    assert text.startswith("Settings were chosen for `waterworld_dqn` on seeds 100-111 (with rm; codes: t1tl), where")
+    assert "a frozen encoder and the bilinear head. They were not chosen again for an encoder that is trained" in text
+    assert (
+        "trained on (water-paper-t1tl); nor for a code that is concatenated with the state (water-paper-t1tl)" in text
+    )
+    own_row = settings.chosen({name: runs[name] for name in ("water-rm", "water-dfa")})
+    assert "again for learning from the own row alone (water-dfa). " in own_row and "trained on" not in own_row
+    assert settings.chosen({name: runs[name] for name in ("water-t1tl", "water-rm")}) == ""
+    assert settings.chosen({"water-rm-per-16": runs["water-rm-per-16"]}) == " ".join(settings.EARLIER.split())
+    zone = {name: make(name) for name in ("zone-t1tl-pre-none", "zone-published-t1tl")}
+    assert settings.chosen(zone) == ""  # in what form those of ZoneEnv were chosen is not recorded
+
+
+@pytest.mark.parametrize("item", ["water-form", "simultaneous", "simultaneous-one-hot", "pretraining-water"])
+def test_sections_of_waterworld_say_for_which_form_settings_were_chosen(make, item):
+    text = ITEMS[item].section({name: make(name) for name in ITEMS[item].runs})
+    assert "They were not chosen again for " in text and settings.LEADS in text
+
+
+def test_encoders_that_begin_otherwise_have_no_settings_of_their_own(make):
+    names = [f"water-gnn-pre-{kind}" for kind in ("none", "own")]
+    said = settings.chosen({name: make(name) for name in names})
+    assert "an encoder that is trained on (all runs here); nor for no pre-training (water-gnn-pre-none)." in said
+
+
 def test_return_of_recent_episodes(make):
     returns = np.tile([0.0] * 5 + [0.5] * 5, (4, 1))
     run = make("rm-single-crm", discounted_return=returns, episodes=50.0)
@@ -299,10 +328,34 @@ def test_the_benchmark_judges_counterfactual_learning_by_map(make):
     within, outside = benchmark.behind({"rm-ql": some, "rm-other": some}).splitlines()
     assert within == f"{below.WITHIN}: rm-ql after 400,000 steps."  # 0.3 [0.21, 0.39] beside 0.33
     assert outside.startswith(f"{below.OUTSIDE}: rm-ql after 600,000 to ") and "other" not in outside
+    [said] = [
+        line for line in benchmark.how_far_behind({"rm-ql": some, "rm-crm": some}).splitlines() if "below" in line
+    ]
+    assert said.startswith("These means are below by: rm-ql 0.030 to 0.355. Width, head")
+    assert benchmark.how_far_behind({"rm-ql": {1: np.ones(len(published_water.STEPS))}}) == ""
+    assert "A lead on why" not in text
     runs["rm-single-ql"] = make("rm-single-ql")
     text = benchmark.benchmark(runs)
     assert rows(text)["ql, published"] == ["0.378", "0.877", "0.975", "0.986", "0.984"] and "not claimed" not in text
     assert benchmark.benchmark({}) == ""
+
+
+def test_the_authors_narrow_network_is_a_lead_for_the_single_task(make):
+    columns = {f"{what}_{k + 1}": 1.0 for k in range(10) for what in ("episodes", "best_score")}
+    single = {"rm-single-crm": make("rm-single-crm")}
+    without = " ".join(benchmark.lead({}, single).split())
+    assert "score of 0.644 where their 1,024 end at 0.736, so that width alone costs 0.092 there." in without
+    assert without.endswith("no such run is published.") and benchmark.lead({}, {}) == ""
+    columns |= {f"score_{k + 1}": 0.9 for k in range(10)}
+    ten = {"rm-crm": make("rm-crm", seeds=(1, 2), frames=200_000, **columns)}
+    assert "ours is as narrow and ends at 0.900" in " ".join(benchmark.lead(ten, single).split())
+    assert benchmark.lead(ten, single) in benchmark.benchmark(ten | single)
+    worse = {
+        "rm-crm": make(
+            "rm-single-crm_shaped", seeds=(1, 2), frames=200_000, **columns | {"score_1": 0.0, "score_2": 0.0}
+        )
+    }
+    assert " ".join(benchmark.lead(worse, single).split()) == without
 
 
 def test_attention_claims_are_asked_of_every_seed(make):
@@ -332,6 +385,18 @@ def test_attention_without_weights_is_removal_alone(make):
     text = attention.attention({"prime-fresh": run})
     assert outcome(text, "prime-fresh: Black is entered first at the end") == "undecided"
     assert "token* is" not in text.split("Token* is")[0] and "layer 0" not in text
+
+
+def test_agents_that_do_not_do_the_task_are_counted_beside_their_attention(make):
+    runs, limit = {}, named_config("zone_ppo").episode_length
+    for name, rates in (("prime-fresh", [1.0, 1.0, 0.96, 0.04]), ("prime-own", None)):
+        runs[name] = make(name, evaluated={limit: played(rates, 9.0)} if rates else None)
+        (runs[name].path / READING).write_text(json.dumps(reading({"start": {}, "end": {}}, 0.5, 0.5, 4)))
+    text = attention.attention(runs)
+    assert rows(text)["prime-fresh, start"][-2:] == ["-", "-"] == rows(text)["prime-own, end"][-2:]
+    assert rows(text)["prime-fresh, end"][-2] == "3/4" and rows(text)["prime-fresh, end"][-1].startswith("0.750 [")
+    assert "carry it out is 0.75 (prime-fresh)." in " ".join(text.split())
+    assert attention.of_all({("prime-own", "end"): {}}, runs) == ""
 
 
 def test_published_attention_sums_to_the_heads():
