@@ -2,7 +2,7 @@
 
 import textwrap
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from experiments import tuning
@@ -43,6 +43,7 @@ def page(
     head: str = HEAD,
     pictures: Mapping[str, str] | None = None,
     terms: str = TERMS,
+    summary: Callable[[Mapping[str, str]], str] | None = None,
 ) -> str:
     """All items, those that are not measured with what is missing.
 
@@ -53,8 +54,9 @@ def page(
         head: what the page begins with.
         pictures: by the name of an item, the line that shows its picture.
         terms: what words and brackets mean.
+        summary: of all sections, by item: what stands before them.
     """
-    parts = [head, *([SMOKE] if smoke else []), terms]
+    parts, sections = [], {}
     for name, item in items.items():
         missing = [run for run in item.runs if run not in runs]
         there = {run: runs[run] for run in item.runs if run in runs}
@@ -62,11 +64,13 @@ def page(
         if smoke:
             parts.append(SMOKE)
         section = item.section(there) if there or not item.runs else ""
+        sections[name] = section
         if section:
             parts += [fitting(section), (pictures or {}).get(name, ""), made_by(list(there.values()))]
         if missing:
             parts.append(paragraph(f"Not measured yet: {named(missing)}."))
-    return "\n\n".join(part for part in parts if part) + "\n"
+    before = [head, SMOKE if smoke else "", terms, summary(sections) if summary else ""]
+    return "\n\n".join(part for part in (*before, *parts) if part) + "\n"
 
 
 def named(runs: Sequence[str]) -> str:

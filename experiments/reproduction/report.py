@@ -25,6 +25,7 @@ from experiments.reproduction.runs import WATER_METHODS
 from experiments.reproduction.scaling import scaling
 from experiments.reproduction.sections.anyshort import in_short
 from experiments.reproduction.stored import Stored
+from experiments.reproduction.tally import tally
 from experiments.tuning import in_words
 
 PAGE = "docs/results.md"
@@ -77,7 +78,7 @@ def documentation(root: Path) -> Documentation:
     for_any = stored.load(results / "any")
     shown = drawings(paper, short, for_any)
     lines = shown_by(shown)
-    items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines)
+    items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines, summary=tally)
     whole = f"{items}\n{beside.measurements(results, lines)}"
     parts = {
         "README.md": {

@@ -301,6 +301,12 @@ def test_a_smoke_test_says_so_beside_every_item(tmp_path):
     assert text.count(SMOKE) == 3 and "Not measured yet: z." in text and "`phi_zone_prime` | 9 |" in text
 
 
+def test_sections_are_summed_up_before_them(tmp_path):
+    shown = {name: Item(name.upper(), (), lambda runs, name=name: f"of {name}") for name in "xy"}
+    text = page(shown, {}, smoke=False, summary=lambda sections: f"all: {', '.join(sections.values())}")
+    assert text.index("all: of x, of y") < text.index("## X") and "all: " not in page(shown, {}, smoke=False)
+
+
 @pytest.fixture(scope="module")
 def water():
     return stored.load(reproduce.RESULTS)
