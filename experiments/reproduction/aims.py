@@ -7,6 +7,7 @@ from pathlib import Path
 from experiments.benchmarks import measured
 from experiments.reproduction.page import origin, paragraph, table
 from experiments.reproduction.scaling import in_time
+from experiments.reproduction.stored import DATA
 from t2tl_jax.runs import provenance
 from t2tl_jax.runs.folder import read_json
 
@@ -68,7 +69,7 @@ product saved little and made training a third slower, in trials that are not st
 
 def aims(results: Path) -> str:
     """Every aim that something stored decides, from files of clean commits; see `NOTE`."""
-    stored = [(where, rows) for where, rows in in_time(results) if not provenance.modified(where)]
+    stored = [(where, rows) for where, rows in in_time(results) if not provenance.modified(where, DATA)]
     found: dict[Key, list[measured.Row]] = {}
     for where, rows in stored:
         for row in rows:
@@ -105,7 +106,7 @@ def _started(results: Path, pattern: str = STARTS) -> dict[Key, list[Starts]]:
     found: dict[Key, list[Starts]] = {}
     for file in sorted(results.glob(pattern)):
         stored = read_json(file)
-        if not provenance.modified(stored["where"]):
+        if not provenance.modified(stored["where"], DATA):
             for what, starts in stored["starts"].items():
                 key = tuple(stored["where"]["devices"]), what, f"{stored['settings']['seeds']} seeds"
                 found.setdefault(key, []).append(starts)
