@@ -166,7 +166,7 @@ def _later_profiles(results: Path, stored: Sequence[Benchmark]) -> list[str]:
             if key in {_key(aim) for aim in AIMS if aim.least} and where.get("time", "") > newest.get(key, ""):
                 rates = [measured.three_digits(of["frames"] / of[which]) for which in ("seconds", "slowest", "fastest")]
                 said.append(
-                    f"`{what}`, {key[2]}, made {rates[0]} frames/s ({rates[1]}, {rates[2]}) when it was profiled later, "
+                    f"`{what}`, {key[2]}, made {rates[0]} frames/s ({rates[1]}, {rates[2]}) when profiled later, "
                     f"at commit {where['git_revision'][:7]}."
                 )
     return said

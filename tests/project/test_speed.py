@@ -250,7 +250,7 @@ def test_aims_are_judged_by_what_is_stored(tmp_path):
         (tmp_path / "profile_x.json").write_text(json.dumps({"where": {**where, "time": time}, **profiled}))
         said = " ".join(aims.aims(tmp_path).split())
         wanted = (
-            "12 seeds, made 2,000,000 frames/s (1,000,000, 4,000,000) when it was profiled later, at commit bbbbbbb."
+            "12 seeds, made 2,000,000 frames/s (1,000,000, 4,000,000) when profiled later, at commit bbbbbbb."
         )
         assert (wanted in said) is later and "`another`" not in said
     (tmp_path / "profile_x.json").unlink()
