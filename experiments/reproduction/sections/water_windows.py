@@ -34,7 +34,7 @@ are below with each. Both together are enough: with windows of 50 and 100 `short
 marks. So the window is enough to explain what updates and exploration leave. That it does is not shown: if the
 published window is 500 or longer, the rest is open. How many updates, how much exploration and which window the
 published curves had is not published, nor what exactly was averaged, so that the measure itself may be another one. The
-window of 500 is that of all other tables; the others were looked at after the results were known."""
+window of 500 is that of all other returns by episode here; the others were looked at after the results were known."""
 
 
 def by_window(runs: Mapping[str, Stored], published: Published) -> str:
