@@ -88,12 +88,11 @@ def _main(texts: Sequence[str]) -> int:
     json_file.check(arguments.json)
     with quiet_imports():
         from experiments.benchmarks import measured
-        from t2tl_jax.runs import provenance
 
     earlier = None if arguments.against is None else measured.read(arguments.against)
     with explained():
         trainings = {"training": _trainings(arguments), "solve": _solves(arguments)}
-    where = provenance.describe(["python", "-m", "experiments.benchmark", *texts])
+    where = json_file.where(["python", "-m", "experiments.benchmark", *texts])
     rows: list[measured.Row] = []
     settings = {name: value.name if isinstance(value, Path) else value for name, value in asdict(arguments).items()}
     devices = f"{len(where['devices'])} x {where['devices'][0]}"

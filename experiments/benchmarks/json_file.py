@@ -6,20 +6,36 @@ whole file of an earlier time in pieces.
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from t2tl_jax.errors import UserError
+from t2tl_jax.runs import source_tree
 
 
 def check(file: Path | None) -> None:
-    """Refuse a file that cannot be written, if one is named.
+    """Refuse a file that cannot be written, if one is named. What it will say of the source tree is looked up now.
 
     Raises:
         UserError: if its folder is not there.
     """
     if file is not None and not file.absolute().parent.is_dir():
         raise UserError(f"--json {file}: there is no folder {file.parent}; make it first")
+    _tree()
+
+
+def where(command: Sequence[str]) -> dict[str, Any]:
+    """Where and by which command something was measured, with the source tree as `check` found it."""
+    from t2tl_jax.runs import provenance  # which loads JAX, for which mistakes need not wait
+
+    return provenance.describe(command) | _tree()
+
+
+@cache
+def _tree() -> dict[str, Any]:
+    """The source tree at the beginning: other commands may change it while this one measures."""
+    return source_tree.describe()
 
 
 def unfinished(file: Path) -> Path:
@@ -67,7 +83,5 @@ def store_so_far(arguments: Any, command: str, texts: Sequence[str], **found: An
 
 
 def _content(arguments: Any, command: str, texts: Sequence[str], found: dict[str, Any]) -> dict[str, Any]:
-    from t2tl_jax.runs import provenance
-
     settings = {name: value for name, value in asdict(arguments).items() if name != "json"}
-    return {"where": provenance.describe(["python", "-m", command, *texts]), "settings": settings, **found}
+    return {"where": where(["python", "-m", command, *texts]), "settings": settings, **found}

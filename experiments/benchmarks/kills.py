@@ -86,9 +86,8 @@ def _main(texts: list[str]) -> int:
     with tempfile.TemporaryDirectory() as temporary:
         found = _check(arguments, flags, Path(arguments.folder or temporary))
     if arguments.json is not None:
-        from t2tl_jax.runs import provenance  # after the children: it asks JAX for its devices
-
-        where = provenance.describe(["python", "-m", "experiments.benchmarks.kills", *texts])
+        # After the children: it asks JAX for its devices.
+        where = json_file.where(["python", "-m", "experiments.benchmarks.kills", *texts])
         json_file.write(arguments.json, {"where": where, "flags": flags, "seed": arguments.seed, **found})
         print(f"written: {arguments.json}")
     return int(found["differing"] > 0)

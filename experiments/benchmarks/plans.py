@@ -57,9 +57,7 @@ def _main(texts: list[str]) -> int:
     content = measure(arguments)
     print(table(content))
     if arguments.json is not None:
-        from t2tl_jax.runs import provenance
-
-        json_file.write(arguments.json, {"where": provenance.describe(words), **content})
+        json_file.write(arguments.json, {"where": json_file.where(words), **content})
     return 0
 
 

@@ -54,13 +54,11 @@ def _main(texts: list[str]) -> int:
     json_file.check(arguments.json)
     of_table = table(arguments.goals)
     print(of_table, flush=True)
-    with quiet_imports():
-        from t2tl_jax.runs import provenance
     replays = [replay(arguments.config, method, arguments.seeds) for method in arguments.methods]
     for one in replays:
         print(one, flush=True)
     if arguments.json is not None:
-        where = provenance.describe(["python", "-m", "experiments.benchmarks.room", *texts])
+        where = json_file.where(["python", "-m", "experiments.benchmarks.room", *texts])
         json_file.write(arguments.json, {"where": where, "table": of_table, "replays": replays})
         print(f"written: {arguments.json}")
     return 0

@@ -80,9 +80,7 @@ def _main(texts: list[str]) -> int:
     with explained():
         results = measure(arguments)
     if file is not None:
-        from t2tl_jax.runs import provenance
-
-        where = provenance.describe(["python", "-m", "experiments.benchmarks.walls", *texts])
+        where = json_file.where(["python", "-m", "experiments.benchmarks.walls", *texts])
         config = {**dataclasses.asdict(arguments), "json": str(file)}
         json_file.write(file, {"where": where, "config": config, "results": results})
     return 0

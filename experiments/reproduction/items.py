@@ -20,7 +20,7 @@ from experiments.reproduction.sections import (
     water_form,
     widths,
 )
-from experiments.reproduction.sections.ablation import ablation
+from experiments.reproduction.sections.ablation import PRINTED_WATER, ablation, printed_water
 from t2tl_jax.evaluation.comparisons import Pairs
 
 
@@ -169,8 +169,8 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "printed-water": Item(
         "Labels as printed, beside the default: WaterWorld, `phi_water`, T1TL",
-        ("water-t1tl", "water-t1tl-labels-state"),
-        ablation([("water-t1tl", "water-t1tl-labels-state")], "success_rate"),
+        PRINTED_WATER,
+        printed_water,
     ),
     "representations": Item("Representations", (representations.NAME,), representations.section),
     "published": Item("The published program to its end", ("zone-published",), figures.published_program),

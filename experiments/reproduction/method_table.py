@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from experiments.methods import METHODS, Method
 from experiments.reproduction.cells import solved, text
 from experiments.reproduction.page import table
+from experiments.reproduction.runs import again_name
 from experiments.reproduction.stored import Stored
 from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
@@ -29,7 +30,7 @@ def method_table(runs: Mapping[str, Stored], methods: Sequence[str] = tuple(METH
     for name in methods:
         method = METHODS[name]
         same = SAME_UNDER_PPO.get(name, name)
-        zone, water = runs.get(f"zone-{same}"), runs.get(f"water-{WIDTHS.get(name, name)}")
+        zone = runs.get(f"zone-{same}")
         rows.append(
             (
                 f"`{name}`",
@@ -39,7 +40,7 @@ def method_table(runs: Mapping[str, Stored], methods: Sequence[str] = tuple(METH
                 "yes" if method.task_encoder.learned else "-",
                 "-" if zone is None else f"as `{same}`" if same != name else solved(zone),
                 "-" if zone is None or same != name else text(zone.end("discounted_return")),
-                "-" if water is None else solved(water),
+                _water(runs, f"water-{WIDTHS.get(name, name)}"),
             )
         )
     heading = (
@@ -47,6 +48,12 @@ def method_table(runs: Mapping[str, Stored], methods: Sequence[str] = tuple(METH
         *("`phi_zone`: solved", "return", "`phi_water`: solved"),
     )
     return table(heading, rows)
+
+
+def _water(runs: Mapping[str, Stored], name: str) -> str:
+    """How many seeds of a run solved its task, and of the same training once more, whose parameters are kept."""
+    first, again = (solved(runs[one]) if one in runs else "-" for one in (name, again_name(name)))
+    return first if again == "-" else f"{first}, again {again}"
 
 
 def _encoder(method: Method) -> str:

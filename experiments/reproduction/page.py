@@ -110,10 +110,15 @@ def made_by(runs: Sequence[Stored]) -> str:
 
 def origin(versions: Sequence[Mapping[str, Any]]) -> str:
     """Commits, hardware and versions of JAX, as runs and benchmarks store them."""
-    commits = sorted({(one.get("git_revision") or "unknown")[:7] for one in versions})
+    commits = sorted({commit(one) for one in versions})
     machines = sorted({_machine(one) for one in versions})
     jax = sorted({one.get("packages", {}).get("jax") or "unknown" for one in versions})
     return f"Commits: {', '.join(commits)}. Hardware: {', '.join(machines)}. JAX {', '.join(jax)}."
+
+
+def commit(versions: Mapping[str, Any]) -> str:
+    """The commit that something was made from, in short."""
+    return (versions.get("git_revision") or "unknown")[:7]
 
 
 def _machine(versions: Mapping[str, Any]) -> str:

@@ -164,11 +164,20 @@ def last_ones(iterations: int) -> int:
     return max(1, round(LAST * iterations))
 
 
-def unclean(session: Mapping[str, Any]) -> str:
-    """Why nobody can make again what a session made, by what it stored of its versions; '' if they can."""
+DATA = "results/"
+"""Where results lie in the tree. Programs that are timed read none of them."""
+
+
+def unclean(session: Mapping[str, Any], data: str = "") -> str:
+    """Why nobody can make again what a session made, by what it stored of its versions; '' if they can.
+
+    Args:
+        session: versions, as a session of a run or a measurement stored them.
+        data: a folder whose files do not count, see `provenance.modified`.
+    """
     if not session.get("git_revision"):
         return "its commit is not known"
-    modified = provenance.modified(session)
+    modified = provenance.modified(session, data)
     if modified is None:
         return "whether its tree differed from its commit is not known"
     changed = ", ".join(session.get("git_changed", [])[:3]) or "some files"

@@ -15,7 +15,10 @@ Curve = tuple[Sequence[float], Sequence[float]]
 MEAN_AT_EPISODES = "mean undiscounted return at these episodes"
 """What curves by episode are compared by."""
 
-BY_EPISODE = "Return without discount (success 1, violation -1, neither 0) of the last 500 training episodes:"
+WINDOW = 500
+"""Episodes over which a curve by episode is averaged."""
+
+BY_EPISODE = f"Return without discount (success 1, violation -1, neither 0) of the last {WINDOW} training episodes:"
 
 SPAN = 250_000
 """Frames over which a curve is averaged for a mark."""
@@ -103,9 +106,9 @@ def curves_by_episode(
     return f"{BY_EPISODE}\n\n{table(heading, rows)}"
 
 
-def returns_at(run: Stored, marks: Sequence[int]) -> np.ndarray:
+def returns_at(run: Stored, marks: Sequence[int], window: int = WINDOW) -> np.ndarray:
     """What `return_by_episode` says of every seed, ``float[seeds, marks]``."""
-    return np.stack([return_by_episode(run.columns, seed, marks) for seed in run.seeds])
+    return np.stack([return_by_episode(run.columns, seed, marks, window) for seed in run.seeds])
 
 
 def mean_return_at(run: Stored, marks: Sequence[int]) -> dict[int, float]:

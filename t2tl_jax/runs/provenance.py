@@ -2,7 +2,6 @@
 
 import os
 import platform
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -12,6 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import jax
+
+from t2tl_jax.runs import source_tree
+from t2tl_jax.runs.source_tree import MOST_CHANGES
 
 PACKAGES = (
     "t2tl_jax",
@@ -28,20 +30,12 @@ PACKAGES = (
 )
 
 
-MOST_CHANGES = 100
-"""So many changed files are named."""
-
-OUTPUTS = ("certificates.json",)
-"""Files that commands add to beside a stored run. Nothing that trains, plays or is timed reads them."""
-
-
 def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Versions, revision, devices and command line as an object for JSON.
 
     Args:
         arguments: of the command line; by default those of this process.
     """
-    changed = _git("status", "--porcelain", "--no-renames", "--untracked-files=no")
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": list(sys.argv if arguments is None else arguments),
@@ -50,9 +44,7 @@ def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         "cpu": _cpu_model(),
         "cpu_count": os.cpu_count(),
         "packages": {name: _version(name) for name in PACKAGES},
-        "git_revision": _git("rev-parse", "HEAD"),
-        "git_modified": None if changed is None else bool(changed),
-        "git_changed": [line[2:].strip() for line in (changed or "").splitlines()[:MOST_CHANGES]],
+        **source_tree.describe(),
         "backend": jax.default_backend(),
         "devices": [device.device_kind for device in jax.devices()],
         "matmul_precision": jax.config.jax_default_matmul_precision,  # type: ignore[attr-defined]  # jax 0.9
@@ -60,12 +52,18 @@ def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     }
 
 
-def modified(where: Mapping[str, Any]) -> bool | None:
-    """Whether a tree differed from its commit in anything but `OUTPUTS`, by what `describe` said; None if unknown."""
+def modified(where: Mapping[str, Any], data: str = "") -> bool | None:
+    """Whether a tree differed from its commit, by what `describe` said of it; None if that is unknown.
+
+    Args:
+        where: what `describe` returned.
+        data: a folder, such as ``results/``, whose files do not count; '' for none. Measurements of speed read no
+            results, so that with others in the tree it is the same program that is timed.
+    """
     changed = where.get("git_changed", [])
-    if not where.get("git_modified") or not changed or len(changed) >= MOST_CHANGES:
+    if not data or not where.get("git_modified") or not changed or len(changed) >= MOST_CHANGES:
         return where.get("git_modified")
-    return any(Path(name).name not in OUTPUTS for name in changed)
+    return any(not name.startswith(data) for name in changed)
 
 
 @cache
@@ -74,20 +72,6 @@ def _version(name: str) -> str | None:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
         return None
-
-
-def _git(*arguments: str) -> str | None:
-    """Answer of git about the source tree of this package; None for an installed package or without git."""
-    source = Path(__file__).resolve().parents[2]
-    if not (source / ".git").exists():
-        return None
-    try:
-        answer = subprocess.run(
-            ["git", "-C", str(source), *arguments], capture_output=True, text=True, timeout=10, check=True
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return answer.stdout.strip()
 
 
 def _cpu_model() -> str:

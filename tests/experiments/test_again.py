@@ -3,9 +3,10 @@
 import pytest
 
 from experiments.reproduction import claims
+from experiments.reproduction.method_table import method_table
 from experiments.reproduction.runs import again_name, all_runs
 from experiments.reproduction.sections import again
-from tests.made_up_runs import played, write
+from tests.made_up_runs import played, rows, write
 
 LIMIT = 600
 
@@ -53,3 +54,16 @@ def test_outcomes_that_the_second_runs_flip_are_listed(monkeypatch, twice):
 def test_nothing_is_shown_of_a_method_that_was_trained_once(twice):
     runs = twice({"rm": (played(1.0, 50.0), played(1.0, 50.0))})
     assert again.once_more({"water-rm": runs["water-rm"]}) == ""
+
+
+def test_the_table_of_methods_shows_both_runs(twice):
+    runs = twice({"rm": (played(1.0, 50.0), played([1.0, 0.2, 0.1], 50.0)), "dfa": (played(0.2, 9.0),) * 2})
+    del runs["water-dfa-again"]
+    shown = rows(method_table(runs, ("rm", "dfa", "gnn")))
+    assert [shown[f"`{name}`"][-1] for name in ("rm", "dfa", "gnn")] == ["3/3, again 1/3", "0/3", "-"]
+
+
+def test_a_second_run_does_not_stand_for_a_first_one(twice):
+    runs = twice({"rm": (played(1.0, 50.0), played(1.0, 50.0))})
+    del runs["water-rm"]
+    assert rows(method_table(runs, ("rm",)))["`rm`"][-1] == "-, again 3/3"

@@ -21,6 +21,7 @@ from experiments.reproduction.sections import (
     unit_time,
     widths,
 )
+from experiments.reproduction.stored import Stored
 from experiments.reproduction.work import READING
 from t2tl_jax.registry import named_config
 from tests.made_up_runs import played, pretrained, reading, rows
@@ -160,6 +161,21 @@ def test_simultaneous_learning_is_claimed_and_its_pieces_are_not(make):
     assert outcome(text, "water-rm > water-dfa") == "reproduced"
     assert outcome(text, "water-rm - water-rm-every-step") == "not claimed"
     assert "Corrected for 6 comparisons, 2 of which can be made so far." in text
+
+
+def test_labels_as_printed_stand_beside_both_trainings_of_the_default(make):
+    item = ITEMS["printed-water"]
+    runs = {name: make(name, success_rate=rate + NEAR) for name, rate in zip(item.runs, (0.5, 0.6, 0.2), strict=True)}
+    assert "commit" not in item.section(runs)  # all are of the same unknown one
+    for name, revision in zip(runs, "abc", strict=True):
+        (runs[name].path / "versions.json").write_text(json.dumps({"started": {"git_revision": 40 * revision}}))
+    text = item.section({name: Stored(run.path) for name, run in runs.items()})
+    shown = rows(text)
+    assert shown["water-t1tl - water-t1tl-labels-state"][0].startswith("0.300")
+    assert shown["water-t1tl-again - water-t1tl-labels-state"][0].startswith("0.400")
+    assert "Corrected for 2 comparisons." in text
+    assert "water-t1tl of aaaaaaa, water-t1tl-again of bbbbbbb, water-t1tl-labels-state of ccccccc." in text
+    assert item.names("smoke") == ("water-t1tl",)
 
 
 def test_frames_of_pretraining_go_before_those_of_training(make):

@@ -8,7 +8,8 @@ import numpy as np
 from experiments.reproduction.cells import COST, cost, median_frames, share, solved, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.measures import delayed, frames_before, frames_to
-from experiments.reproduction.page import table
+from experiments.reproduction.page import commit, table
+from experiments.reproduction.runs import again_name
 from experiments.reproduction.sections.settings import chosen, settings
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
@@ -66,6 +67,30 @@ def ablation(
         return "\n\n".join(part for part in parts if part)
 
     return section
+
+
+PRINTED_WATER = ("water-t1tl", again_name("water-t1tl"), "water-t1tl-labels-state")
+"""The default, trained twice, and the labels as printed."""
+
+
+def printed_water(runs: Mapping[str, Stored]) -> str:
+    """The labels as printed in WaterWorld, against both trainings of the default, and which commits made them."""
+    *defaults, printed = PRINTED_WATER
+    compared = ablation([(default, printed) for default in defaults], "success_rate")(runs)
+    return "\n\n".join(part for part in (compared, _commits(runs)) if part)
+
+
+def _commits(runs: Mapping[str, Stored]) -> str:
+    """Which commit made each run; '' where it is the same."""
+    commits = {name: commit(run.versions) for name, run in runs.items()}
+    if len(set(commits.values())) < 2:
+        return ""
+    each = ", ".join(f"{name} of {made}" for name, made in commits.items())
+    return (
+        f"These runs are not of one commit: {each}. Each encoder was pre-trained anew. What the program changed "
+        "between the commits is in the differences too, and is not told apart from what the labels change. "
+        f"{PRINTED_WATER[-1]} was trained once, so that the two differences are not independent of each other."
+    )
 
 
 def small_batches(runs: Mapping[str, Stored]) -> str:

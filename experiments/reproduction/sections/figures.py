@@ -16,6 +16,7 @@ from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections.ablation import ablation
 from experiments.reproduction.sections.settings import settings, what_differs
+from experiments.reproduction.sections.water_windows import by_window
 from experiments.reproduction.stored import Stored, last_ones
 from experiments.reproduction.tables import (
     MEAN_AT_EPISODES,
@@ -92,8 +93,7 @@ BEGINNING_NOTE = """The default makes one gradient step after every 128 steps of
 settings of `waterworld_dqn` before its present ones, and on which maps those were chosen is not recorded.
 `short-exploration` differs from `per-16` in one thing: random actions fade over the first 1 % of the frames instead of
 5 %. How many updates and how much exploration the published curves had is not published, nor are the balls' radius and
-speed. Of the other methods no such runs were made. Where the last of these curves is still below the published one, why
-is open."""
+speed. Of the other methods no such runs were made."""
 
 
 def zone_figure(runs: Mapping[str, Stored]) -> str:
@@ -153,6 +153,7 @@ def water_beginning(runs: Mapping[str, Stored]) -> str:
         settings(runs, pairs),
         below.by_episode(runs, SOONER_PUBLISHED, marks),
         BEGINNING_NOTE,
+        by_window(runs, SOONER_PUBLISHED),
         cost_line(runs),
     )
 
