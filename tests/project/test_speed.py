@@ -8,10 +8,12 @@ from types import SimpleNamespace
 
 import pytest
 
+import experiments.configs  # noqa: F401, registers configurations
 from experiments.benchmarks import measured
 from experiments.reproduction import aims, scaling, speed, stored
 from experiments.reproduction.items import ITEMS
 from experiments.reproduction.page import origin
+from t2tl_jax.registry import named_config
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
 
 ROOT = Path(__file__).parents[2]
@@ -253,9 +255,22 @@ def test_aims_are_judged_by_what_is_stored(tmp_path):
         wanted = "12 seeds, made 2,000,000 frames/s (1,000,000, 4,000,000) when profiled later, at commit bbbbbbb."
         assert (wanted in said) is later and "`another`" not in said
     (tmp_path / "profile_x.json").unlink()
+    dqn = [
+        replace(row, what=f"waterworld_dqn:{method}", rate=rate) for method, rate in (("t1tl", 1.28e6), ("t2tl", 2e5))
+    ]
+    measured.write(tmp_path / "benchmark_y.json", where | {"time": "2026-01-03"}, {}, dqn)
+    said = " ".join(aims.aims(tmp_path).split())
+    assert "1,280,000 frames/s are 10,000 gradient steps/s" in said and "T2TL makes 200,000 frames/s." in said
+    (tmp_path / "benchmark_y.json").unlink()
     for changed in ({"devices": ["NVIDIA H200"] * 2}, {"git_modified": True}):
         measured.write(tmp_path / "benchmark_x.json", where | changed, {}, [row])
         assert "Not measured yet" in aims.aims(tmp_path)
+
+
+def test_the_steps_of_dqn_are_those_of_its_configuration():
+    learner = named_config("waterworld_dqn").learner
+    frames = learner.num_envs // learner.updates_per_step
+    assert aims.Steps(frames, learner.batch_size) == aims.NOW
 
 
 def test_the_time_of_all_runs_is_that_of_gpus_which_they_shared():
