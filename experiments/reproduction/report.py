@@ -10,6 +10,7 @@ from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
 from experiments.reproduction.anytask.runs import any_runs
+from experiments.reproduction.anytask.summary import summary
 from experiments.reproduction.anytask.terms import TERMS
 from experiments.reproduction.attention_picture import AttentionPicture, attention_picture
 from experiments.reproduction.cells import text
@@ -115,7 +116,8 @@ def documentation(root: Path) -> Documentation:
     }
     written = {name: filled((root / name).read_text(encoding="utf-8"), of, name) for name, of in parts.items()}
     terms = "\n\n".join(part for part in (TERMS, changed(for_any, any_runs())) if part)
-    any_page = page(ANY_ITEMS, for_any, smoke=False, head=ANY_HEAD, pictures=lines, terms=terms)
+    head = "\n\n".join(part for part in (ANY_HEAD, summary(for_any, results)) if part)
+    any_page = page(ANY_ITEMS, for_any, smoke=False, head=head, pictures=lines, terms=terms)
     moving = EpisodeGIF(GIF, results / "paper" / "zone-t2tl", "phi_zone")
     drawn: list[Drawing] = [*(one for of in shown.values() for one in of), moving]
     return Documentation(

@@ -42,11 +42,50 @@ def test_the_certificates_on_the_page_are_those_that_are_stored_from_clean_commi
         for made in entries:
             assert stored.unclean(made["where"]) == "" and f"results/any/{name}" in made["where"]["command"]
             assert made["own_maps"] and made["episodes"] >= 1000
-            for task, one in made["by_task"].items():
+            shown_as = {task: task.replace("|", "\\|") for task in made["by_task"] if " " not in task}
+            for label, task in three(made).items():
+                shown_as[task] = label
+            for task, called in shown_as.items():
+                one = made["by_task"][task]
                 rate, low, high = (f"{one['success'][what]:.5f}" for what in ("value", "low", "high"))
-                called = task.replace("|", "\\|")
                 begins, bounds = f"| {name} | {called} | ", f" | {rate} [{low}, {high}] |"
                 assert sum(line.startswith(begins) and bounds in line for line in shown) == 1, begins
+
+
+def three(made):
+    """By what the page calls them, the formulas that stand for a list of formulas, by success."""
+    ordered = sorted((one["success"]["value"], task) for task, one in made["by_task"].items() if " " in task)
+    if not ordered:
+        return {}
+    places = {"lowest": 0, "middle": (len(ordered) - 1) // 2, "highest": len(ordered) - 1}
+    return {f"{which} of {len(ordered)} formulas": ordered[place][1] for which, place in places.items()}
+
+
+def test_of_a_long_list_of_formulas_three_are_shown(tmp_path):
+    run = write(tmp_path / "any-walls", all_runs()["any-walls"].config, (24, 25))
+    rates = [0.9, 0.5, 0.8, 0.7, 0.99, 0.6, 0.65]
+    where = {"git_revision": "0123456789", "devices": ["cpu"]}
+    rest = {"violation": {"value": 0.0, "low": 0.0, "high": 0.1, "count": 9}, "env_terminations": 0, "timeouts": 0}
+    by_task = {
+        f"F a | F {k}": rest | {"success": {"value": rate, "low": 0.4, "high": 1.0, "count": 9}}
+        for k, rate in enumerate(rates)
+    }
+    times = {"episodes": 1000, "seconds": 7.0, "compile_seconds": 2.0, "map_seconds": 3.0, "own_maps": True}
+    entry = {"where": where, "seed": 24, "policy": "sampled", "by_task": by_task} | times
+    both = [entry, entry | {"by_task": {"phi_zone": by_task["F a | F 0"]}, "episodes": 100_000}]
+    (run.path / "certificates.json").write_text(json.dumps({"certificates": both}))
+    said = anycertified.certified({"any-walls": run})
+    lines = [line.split(" | ")[1:5] for line in said.splitlines() if line.startswith("| any-walls | ")]
+    assert [line[0] for line in lines] == [
+        *(f"{which} of 7 formulas" for which in ("lowest", "middle", "highest")),
+        "phi_zone",
+    ]
+    assert [line[3].split()[0] for line in lines] == ["0.50000", "0.70000", "0.99000", "0.90000"]
+    assert "lowest `F a | F 1`, middle `F a | F 3`, highest `F a | F 4`; certificates.json has every one." in said
+    assert set(anycertified.bounds(run)) == {*by_task, "phi_zone"}
+    (aim,) = anycertified.in_time({"any-walls": run})
+    assert aim[1:] == ("under 60", "at most 12 (any-walls), maps and compiling included", "reached")
+    assert anycertified.in_time({}) == []
 
 
 def test_all_formulas_of_small_families_are_certified():

@@ -93,10 +93,10 @@ def test_the_aim_on_chains_is_judged_by_the_strict_agent_alone(tmp_path):
     loose = {"any-water": made(tmp_path, "any-water", [0.99, 0.99, 0.99], "1/2")}
     flat = made(tmp_path, "any-flat-strict", [0.7, 0.7, 0.7], "0/2")
     assert anystrict.NOT_MEASURED in anystrict.strict(loose | {"any-flat-strict": flat})
-    strict = made(tmp_path, "any-water-strict", [0.96, 0.97, 0.98], "0/2")
+    strict = made(tmp_path, "any-water-strict", [0.96, 0.97, 0.965], "0/2")
     text = anystrict.strict(loose | {"any-water-strict": strict})
     aim = next(line for line in text.splitlines() if line.startswith("| success on chains over eight colours of which"))
-    assert "0.970 [" in aim and aim.endswith("| reached |") and anystrict.NOT_MEASURED not in text
+    assert "0.965 [" in aim and aim.endswith("| reached |") and anystrict.NOT_MEASURED not in text
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
 from experiments.reproduction.anytask.runs import LEARNED, MEMORIES, MERGED, TEXTS, WITHOUT_PARAMETERS
 from experiments.reproduction.plan import Item
-from experiments.reproduction.sections import anycertified, anycodes, anymemory, anystrict, anytask
+from experiments.reproduction.sections import anyalone, anycertified, anycodes, anymemory, anystrict, anytask
 
 GROUP = "any"
 """What ``--only`` calls all of them."""
@@ -69,7 +69,7 @@ ANY_ITEMS: dict[str, Item] = {
         ),
     ),
     "any-strict": Item(
-        "Unseen in the strict sense: no row of the tests was drawn in training, under no names",
+        "Unseen in the strict sense: no row of the tests was drawn in training, under any renaming of propositions",
         tuple(name for pair in anystrict.PAIRS for name in pair),
         anystrict.strict,
         smoke=("any-letters", "any-letters-strict"),
@@ -93,3 +93,15 @@ ANY_ITEMS: dict[str, Item] = {
     ),
 }
 """By the names that ``--only`` takes."""
+
+AIMS: dict[str, tuple[str, anytask.Aims]] = {
+    "any-open": ("ZoneEnv", anytask.aims_of_run("any-zones", anytask.ZONE_BARS, anytask.MOST_SECONDS)),
+    "any-walled": ("walled ZoneEnv", anytask.aims_of_run("any-walls", anytask.WALL_BARS)),
+    "any-letterworld": ("LetterWorld", anytask.aims_of_run("any-letters", anytask.LETTER_BARS)),
+    "any-flatworld": ("FlatWorld", anytask.aims_of_run("any-flat", anytask.FLAT_BARS)),
+    "any-waterworld": ("WaterWorld", anytask.aims_of_run("any-water", anytask.WATER_BARS)),
+    "any-strict": ("strictly unseen", anystrict.aims),
+    "any-codes": ("codes", anyalone.aims),
+    "any-certificates": ("certificates", anycertified.in_time),
+}
+"""By item, in a few words what it is about, and its aims."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from experiments.paper import fixed_set
 from experiments.reproduction.anytask import tested
-from experiments.reproduction.anytask.suites import Suite
+from experiments.reproduction.anytask.suites import WATER_CHAINS, Suite
 from t2tl_jax.env import LabelledEnv
 from t2tl_jax.ltl import (
     Formula,
@@ -44,6 +44,9 @@ Shares = dict[str, dict[str, Any]]
 """``{"exactly": {task: "2/5"}, "renamed": {task: "3/5"}, "rows": {"exactly": 90, "renamed": 40}, "own": {...}}``: by
 language, and up to renaming of propositions. `own` counts the formulas of `OWN`: all of them, those that training met
 as a whole under their own names and up to renaming, and those of which it met no row up to renaming."""
+
+ALSO = {"any-water": (WATER_CHAINS,)}
+"""Lists whose rows are counted of a run that was not tested on them, by its name."""
 
 MOST_KEPT = 2
 """So many sets of pools are remembered: those of an agent, and of the code that was learned before it."""
@@ -176,9 +179,10 @@ def _elsewhere(suites: tuple[Suite, ...]) -> list[tuple[Suite, str]]:
 
 
 def keep(folder: Path, suites: tuple[Suite, ...]) -> None:
-    """Count what a kept run met of its suites and of its own family, which takes a minute, and write it beside its
-    other files; nothing of a run on one task."""
+    """Count what a kept run met of its suites, of those in `ALSO` and of its own family, which takes a minute, and
+    write it beside its other files; nothing of a run on one task."""
     file = RunFolder(folder).config
+    suites = (*suites, *ALSO.get(folder.name, ()))
     if not file.is_file():
         return
     config = config_files.load(file)

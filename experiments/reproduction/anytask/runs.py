@@ -175,7 +175,8 @@ def _headline() -> dict[str, Run]:
 
 
 def _strict() -> dict[str, Run]:
-    """The same agents, to whom the tests are unseen in the strict sense: no row of theirs is drawn, under no names."""
+    """The same agents, to whom the tests are unseen in the strict sense: no row of theirs is drawn, under any
+    renaming of propositions."""
     tested = {
         "any-zones": (suites.ZONES,),
         "any-letters": (suites.LETTERS, suites.LETTERS_LONG),

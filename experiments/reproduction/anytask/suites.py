@@ -52,7 +52,8 @@ MORE_COLOURS = (
 EXCHANGED = Suite("texts exchanged", ZONE_Z, exchanged=True)
 
 READ_ALONE = Suite("read alone", ZONES.tasks)
-"""For agents of the world of a single state, where nothing is to be done but to read."""
+"""For agents of the world of a single state: a step is a choice of a proposition, so that all there is to it is
+reading."""
 
 LETTERS = Suite("letters", (*(f"letters_{n}" for n in range(1, 6)), "letters_avoid_6"))
 LETTERS_LONG = Suite("letters, 150 moves", ("letters_reach_12",), limit=150)

@@ -37,16 +37,22 @@ TERMS = f"""\
 - **Violation / ended by env / time-out**: these three in one cell, means over seeds and formulas. With success they
   add up to 1.
 - **Return**: mean discounted reward, 1 when the formula becomes true, -1 for a violation and for leaving the arena.
-  Others count 0 for these, so that ours is never above theirs for the same episodes. (LTL2Action's in the walled
-  ZoneEnv counts a violation as ours does.)
+  Others count 0 for these, so our convention can only lower our figure. (LTL2Action's in the walled ZoneEnv counts a
+  violation as ours does.)
 - **Policy**: sampled, unless said otherwise; its **mode** is the deterministic one.
 - **Episodes**: 500 for each seed, formula and policy, on maps that are kept for evaluation. Three lines have fewer, for
   each seed and policy: 500 over all formulas of `Until_1_2_1_1`, 500 over those of an agent's own family, and 10 for
-  each of 50 formulas with a map of its own. Of these nothing is known of the worst formula.
+  each of 50 formulas with a map of its own. For these there are no results by formula.
 - **Brackets**: 95 % intervals over seeds (of rates, Wilson's with one trial a seed). Of several formulas: over seeds
-  and formulas, both as samples. Aims are judged by the mean itself, not by its interval; those of
-  several formulas by the mean over seeds of the worst formula, if they say so, and by the worst seed and formula only
-  if they say that.
+  and formulas, both as samples.
+- **Student's t**: a second interval for a mean rate over seeds, by how far these lie apart; a dash where all are equal.
+  Wilson's is wide, even [0.7, 1.0] for ten seeds that never fail, since it allows for seeds that fail altogether, which
+  ten may miss by chance. Tables of codes and of memory have Student's t alone.
+- **Aims** are judged by the mean itself. Where its interval by Student's t includes the bar, or a certificate lies
+  below it, the verdict says so. An aim that names the worst formula is judged by the mean over seeds of that formula.
+  One that names the worst seed and formula is judged by this single figure.
+- **Read alone**: in a world of a single state an action is a proposition that becomes true, so that a task takes
+  nothing but reading. Codes are trained and tested there; *beside the robot* is an agent with such a code in ZoneEnv.
 - **Rows met**: of the formula's open rows, how many were a row of any pool of the training, by language. **Renamed**:
   also under other names of propositions. Of more than four colours, a row that reads more colours than the training had
   was not met. Its own family: all rows of the formulas that are kept for evaluation.
@@ -91,7 +97,7 @@ settings had been seen on these very formulas. None of these trials is stored.
 Tested on small problems alone: two codes side by side (`joined`), other names of propositions in every episode
 (`renaming`), a curriculum of stages with sampling by failure, balls that are asked by attention instead of pooled, and
 the network over balls in DQN. In the table of codes no agent is strict: training met rows of most levels, which stand
-beside them, and what a code comes to on rows that it never met under any names is known of the look-ahead alone.
+beside them, and what a code comes to on rows that it never met under any renaming is known of the look-ahead alone.
 A certificate, where there is one, is of one seed.
 
 ### Whose the other figures are

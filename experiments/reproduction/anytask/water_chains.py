@@ -1,4 +1,4 @@
-"""Chains over WaterWorld's colours that end alike, so that whoever never meets that end has met no row of them.
+"""Chains over WaterWorld's colours with one ending, so that whoever never meets that end has met no row of them.
 
 They are the first 32 draws of the family of `water_any` that end with one goal and three colours to avoid. Every row of
 such a chain becomes that end. A training from which it is kept out, under all names, has drawn no chain that ends so,

@@ -1,4 +1,4 @@
-"""Codes read alone: where nothing is to be done but to read, and beside what agents with them carry out."""
+"""Codes read alone, in the world of a single state, and beside what agents with them carry out."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,10 +7,19 @@ import numpy as np
 
 from experiments.reproduction.anytask import met, suites
 from experiments.reproduction.anytask.runs import TEXTS
-from experiments.reproduction.cells import share
 from experiments.reproduction.page import table
 from experiments.reproduction.sections import anyends
-from experiments.reproduction.sections.anytask import SAMPLED, Bar, figures, over_tasks, own_family, verdicts
+from experiments.reproduction.sections.anytask import (
+    AIMS_HEADING,
+    SAMPLED,
+    Aim,
+    Bar,
+    figures,
+    over_tasks,
+    own_family,
+    spread,
+)
+from experiments.reproduction.sections.anytask import aims as aims_of
 from experiments.reproduction.stored import Stored
 from t2tl_jax.agents.dp_config import DPConfig
 
@@ -39,11 +48,11 @@ FROM_TABLE = f"{BROAD}automaton"
 
 def label(name: str) -> str:
     """What the tables call an agent."""
-    return name.removeprefix("any-zones-") if name != "any-zones" else "the agent above"
+    return name.removeprefix("any-zones-")
 
 
 def read_alone(runs: Mapping[str, Stored]) -> str:
-    """What the codes that were trained before can be read for, where nothing is to be done but to read."""
+    """What the codes that were trained before come to when they are read alone."""
     rows = []
     for name, run in runs.items():
         if not name.startswith(PRETRAINED):
@@ -68,10 +77,7 @@ def read_alone(runs: Mapping[str, Stored]) -> str:
         "kept out of its pools",
         *("rows of z1 to z6 met, up to names", "of harder", "of wider"),
     )
-    said = (
-        "Codes are learned before, in the world of a single state, where an action is a proposition and nothing is to "
-        "be done but to read."
-    )
+    said = "Codes are learned before the agents, in the world in which they are then read alone."
     if any(kept_out == "nothing" for *_, kept_out, _, _, _ in rows):
         said += (
             " Where nothing was kept out of that, the codes of whole test formulas were learned there, up to names, "
@@ -99,11 +105,11 @@ def _is_solved(run: Stored) -> bool:
 def _learned(run: Stored) -> str:
     """What a pre-training came to at its end."""
     if not _is_solved(run):
-        return share(run.end("success_rate"))
+        return spread(run.end("success_rate"))
     if "agreement" not in run.metrics:
         return "-"
     rounded = {seed: round(value, 6) for seed, value in run.end("agreement").items()}  # a sum can come to a hair over 1
-    return f"agreement {share(rounded)}"
+    return f"agreement {spread(rounded)}"
 
 
 def text_alone(runs: Mapping[str, Stored]) -> str:
@@ -112,15 +118,12 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
     rows: list[tuple[str, ...]] = []
     ends: list[tuple[str, ...]] = []
     shares: dict[str, dict[str, Mapping[str, str]]] = {"code": {}, "agent": {}}
-    renamed: dict[str, Any] = {}
-    bars, families, acting = [], [], []
+    families, acting = [], []
     for agent, reader in READERS.items():
-        if not {agent, reader} <= runs.keys():
+        if (pair := _both(runs, agent, reader)) is None:
             continue
-        done, read = figures(runs[agent]), figures(runs[reader])
-        if not set(asked) <= done.keys() & read.keys() or runs[agent].seeds != runs[reader].seeds:
-            continue
-        name = label(agent.replace(BROAD, "any-zones-"))
+        done, read = pair
+        name = _code(agent)
         alone, beside = (np.stack([of[task][SAMPLED]["success_rate"] for task in asked]) for of in (read, done))
         steps = (f"{np.nanmean(read[task][SAMPLED]['success_length']):.1f}" for task in asked)
         rows += [(name, "read alone", *_worst(alone)), (name, "read alone, steps", *steps)]
@@ -129,10 +132,6 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
             ends.append((name, where, *(anyends.cell(of, (task,)) for task in asked)))
         shares["code"][name] = met.read(runs[reader].path)["renamed"]
         shares["agent"][name] = met.read(runs[agent].path)["renamed"]
-        tasks = tuple(f"{task} ({name})" for task in suites.ZONE_Z)
-        renamed |= {of: done[task] for of, task in zip(tasks, suites.ZONE_Z, strict=True)}
-        if agent != FROM_TABLE:
-            bars.append(Bar(f"success, mean of z1 to z6, by its formula alone: {name}", tasks, least=0.95))
         if (well := alone >= WELL_READ).any():
             acting.append(f"{name} {beside[well].mean():.3f} ({well.sum()} of {well.size})")
         if own := own_family(runs[agent]):
@@ -141,11 +140,11 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
     if not rows:
         return ""
     explained = (
-        "Agents whose codes were learned, from the formula alone but for the automaton's: what the codes read where "
-        "nothing is to be done but to read, and what the agents carry out beside the robot; means over seeds, and the "
-        "worst seed. To be carried out alone is little: there a detour costs nothing but steps, so that a code which "
-        "leads astray at first also comes to success. More steps than the automaton's code takes are a sign of that; "
-        "what is missed beside the robot may be lost in reading or in acting."
+        "Agents whose codes were learned, from the formula alone but for the automaton's: what the codes come to when "
+        "they are read alone, and what the agents carry out beside the robot; means over seeds, and the worst seed. "
+        "To be carried out alone is little: there a detour costs nothing but steps, so that a code which leads astray "
+        "at first also comes to success. More steps than the automaton's code takes are a sign of that; what is missed "
+        "beside the robot may be lost in reading or in acting."
     )
     if acting:
         explained += (
@@ -154,7 +153,7 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         )
     if families:
         explained += (
-            " Success in training, and on formulas of the same family that were not trained on under their own names: "
+            " Success in training, and on formulas of the same family that were not trained on as they stand: "
             f"{'; '.join(families)}."
         )
     rows += [line for whose, of in shares.items() for line in _met_lines(whose, of, asked)]
@@ -163,9 +162,33 @@ def text_alone(runs: Mapping[str, Stored]) -> str:
         explained,
         table(("code", *heading), rows),
         table((f"code: {anyends.CALLED}", *heading), ends),
-        verdicts(renamed, bars),
+        table(AIMS_HEADING, aims(runs)),
     )
     return "\n\n".join(parts)
+
+
+def aims(runs: Mapping[str, Stored]) -> list[Aim]:
+    """What becomes of the aim on z1 to z6 for every code that knows of the task by its formula alone."""
+    found: list[Aim] = []
+    for agent, reader in READERS.items():
+        if agent == FROM_TABLE or (pair := _both(runs, agent, reader)) is None:
+            continue
+        says = f"success, mean of z1 to z6, by its formula alone: {_code(agent)}"
+        found += aims_of(pair[0], [Bar(says, suites.ZONE_Z, least=0.95)])
+    return found
+
+
+def _both(runs: Mapping[str, Stored], agent: str, reader: str) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Figures of an agent and of its code read alone; None where a task was not played, or not by the same seeds."""
+    if not {agent, reader} <= runs.keys() or runs[agent].seeds != runs[reader].seeds:
+        return None
+    done, read = figures(runs[agent]), figures(runs[reader])
+    return (done, read) if {*suites.ZONE_Z, *suites.ZONE_HARD} <= done.keys() & read.keys() else None
+
+
+def _code(agent: str) -> str:
+    """What the code of an agent of `READERS` is called beside it."""
+    return label(agent.replace(BROAD, "any-zones-"))
 
 
 def _met_lines(whose: str, shares: Mapping[str, Mapping[str, str]], asked: Sequence[str]) -> list[tuple[str, ...]]:

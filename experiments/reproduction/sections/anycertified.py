@@ -1,6 +1,7 @@
 """Certificates of agents for any task: exact bounds for formulas, of the policy of one seed."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from experiments.reproduction.anytask import met, tested
@@ -13,6 +14,22 @@ RUNS = ("any-zones", "any-letters", "any-walls", "any-water", "any-flat")
 """Whose parameters are stored."""
 
 HEADING = ("run", "task", "rows met", "renamed", "success", "violation", "time-out", "ended by env")
+
+MOST_FORMULAS = 6
+"""Of a longer list of formulas that have no names, the table has three lines."""
+
+MOST_SECONDS = 60.0
+"""What a certificate of `tested.CERTIFICATE_EPISODES` episodes may take."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a certificate says of a task."""
+
+    seed: int
+    """Whose policy it is of."""
+    success: Estimate
+
 
 ON_MAPS = {
     True: "Each episode has a map of its own, drawn for it alone: the bounds are about all maps that can be drawn.",
@@ -29,10 +46,12 @@ def certified(runs: Mapping[str, Stored]) -> str:
     if not found:
         return lacking
     rows = [(name, *row) for name, one in found for row in _rows(one, there[name])]
+    lists = " ".join(_of_list(name, one) for name, one in found if len(_unnamed(one)) > MOST_FORMULAS)
     about = [ON_MAPS[own] for own in (True, False) if any(_own_maps(one) is own for _, one in found)]
     return "\n\n".join(
         (
             table(HEADING, rows),
+            *([lists] if lists else []),
             f"{' '.join(_told(name, one) for name, one in found)} {lacking}".rstrip(),
             f"{' '.join(about)} Each is of one seed, the run's first, which can lie above or below the means over "
             "seeds of the tables before. Intervals are exact and binomial (Clopper and Pearson); they hold at once "
@@ -55,19 +74,81 @@ def certificates(run: Stored) -> list[dict[str, Any]]:
     return [with_tests | {"where": run.versions}]
 
 
-def _rows(made: Mapping[str, Any], run: Stored) -> list[tuple[str, ...]]:
-    """The cells of every task of some certificates; a bar in a formula would end its cell."""
-    shares = met.read(run.path)
+def bounds(run: Stored) -> dict[str, Bounds]:
+    """What the certificates of a run say of success, by task."""
+    return {
+        task: Bounds(made["seed"], Estimate(**one["success"]))
+        for made in certificates(run)
+        for task, one in made["by_task"].items()
+    }
+
+
+def in_time(runs: Mapping[str, Stored]) -> list[tuple[str, str, str, str]]:
+    """Whether a certificate of one formula took no longer than it may, in the run where it took longest: playing, maps
+    and compiling together."""
+    took = {
+        name: made["seconds"] / len(made["by_task"]) + made.get("map_seconds", 0.0) + made["compile_seconds"]
+        for name in RUNS
+        if name in runs
+        for made in certificates(runs[name])
+        if made["episodes"] >= tested.CERTIFICATE_EPISODES
+    }
+    if not took:
+        return []
+    slowest = max(took, key=took.__getitem__)
     return [
         (
-            task.replace("|", "\\|"),
-            *met.cells(shares, task),
-            Estimate(**one["success"]).text(5),
-            Estimate(**one["violation"]).text(5),
-            *(f"{one[what] / made['episodes']:.5f}" for what in ("timeouts", "env_terminations")),
+            f"seconds, a certificate of one formula by {tested.CERTIFICATE_EPISODES:,} episodes",
+            f"under {MOST_SECONDS:g}",
+            f"at most {took[slowest]:.0f} ({slowest}), maps and compiling included",
+            "reached" if took[slowest] < MOST_SECONDS else "**not reached**",
         )
-        for task, one in made["by_task"].items()
     ]
+
+
+def _rows(made: Mapping[str, Any], run: Stored) -> list[tuple[str, ...]]:
+    """The cells of every task of some certificates; of a long list of formulas, those of three of them."""
+    shares, unnamed = met.read(run.path), _unnamed(made)
+    chosen = _three(made, unnamed) if len(unnamed) > MOST_FORMULAS else {}
+    called = {task: label for label, task in chosen.items()}
+    shown = [task for task in made["by_task"] if not (chosen and task in unnamed)] + list(called)
+    return [(_cell(called.get(task, task)), *met.cells(shares, task), *_figures(made, task)) for task in shown]
+
+
+def _cell(text: str) -> str:
+    """A bar in a formula would end its cell."""
+    return text.replace("|", "\\|")
+
+
+def _figures(made: Mapping[str, Any], task: str) -> tuple[str, ...]:
+    one = made["by_task"][task]
+    return (
+        Estimate(**one["success"]).text(5),
+        Estimate(**one["violation"]).text(5),
+        *(f"{one[what] / made['episodes']:.5f}" for what in ("timeouts", "env_terminations")),
+    )
+
+
+def _unnamed(made: Mapping[str, Any]) -> list[str]:
+    """Tasks that are called by their formulas."""
+    return [task for task in made["by_task"] if not task.isidentifier()]
+
+
+def _three(made: Mapping[str, Any], tasks: list[str]) -> dict[str, str]:
+    """By what they are called, the formulas of a list with the lowest, the middle and the highest success."""
+    ordered = sorted(tasks, key=lambda task: float(made["by_task"][task]["success"]["value"]))
+    places = {"lowest": 0, "middle": (len(ordered) - 1) // 2, "highest": -1}
+    return {f"{which} of {len(ordered)} formulas": ordered[place] for which, place in places.items()}
+
+
+def _of_list(name: str, made: Mapping[str, Any]) -> str:
+    """Which formulas stand for a long list."""
+    three = _three(made, _unnamed(made))
+    said = ", ".join(f"{label.partition(' ')[0]} `{task}`" for label, task in three.items())
+    return (
+        f"Of the {len(_unnamed(made))} formulas of {name} that have no names, by their success: {said}; "
+        "certificates.json has every one."
+    )
 
 
 def _own_maps(made: Mapping[str, Any]) -> bool:
