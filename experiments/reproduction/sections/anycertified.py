@@ -55,7 +55,7 @@ def certified(runs: Mapping[str, Stored]) -> str:
             f"{' '.join(_told(name, one) for name, one in found)} {lacking}".rstrip(),
             f"{' '.join(about)} Each is of one seed, the run's first, which can lie above or below the means over "
             "seeds of the tables before. Intervals are exact and binomial (Clopper and Pearson); they hold at once "
-            f"with {CONFIDENCE:.0%} within a run (Bonferroni), not over several runs. Time-outs and ends by the "
+            f"with {CONFIDENCE:.0%} within one command (Bonferroni), not over several. Time-outs and ends by the "
             "environment are shares without bounds.",
             "Each is made by `python -m experiments.evaluate results/any/RUN --tasks TASKS --certify EPISODES`; "
             "certificates.json beside the parameters holds the bounds and the whole command.",
