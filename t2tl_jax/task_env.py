@@ -102,7 +102,8 @@ class TaskEnv(Env):
     def reset(self, rng: jax.Array, params: TaskParams | None = None, turn: jax.Array | None = None) -> State:
         """A fresh layout and one of the table's tasks, of which nothing is progressed yet.
 
-        The task is drawn uniformly, or is number `turn` (int32 scalar) of those that take turns.
+        The task is drawn uniformly, or is number `turn` (int32 scalar) of those that take turns. A counter of episodes
+        that has overflowed and is less than 0 does as well, since the remainder is that of Python.
         """
         params = self.make_params(0) if params is None else params
         env_key, task_key, row_key = jax.random.split(rng, 3)

@@ -76,5 +76,6 @@ class DPConfig(AdamLearnerConfig):
 
     @property
     def max_frames(self) -> int:
-        """Gradient steps are counted."""
-        return checks.COUNTER_LIMIT // self.updates_per_iteration * self.frames_per_iteration
+        """Iterations are counted, and gradient steps where their size is annealed."""
+        counted = self.updates_per_iteration if self.anneal_learning_rate else 1
+        return checks.COUNTER_LIMIT // counted * self.frames_per_iteration

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 
+from t2tl_jax.agents import counting
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.learning_rows import drawn_rows, marks
 from t2tl_jax.agents.replay import make_replay
@@ -76,11 +77,11 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
     begin_carry = partial(network.begin, env.observation_size)
     remember = partial(apply, method="remember")
     total_steps = iterations * config.unroll_length
-    gradient_steps = total_steps * config.updates_per_step
+    first_update = config.learning_starts // config.num_envs  # the step with the first gradient step
     optimizer = clipped_adam(
         config.learning_rate,
         config.max_gradient_norm,
-        gradient_steps,
+        iterations * config.updates_per_iteration,
         anneal=config.anneal_learning_rate,
         task_encoder_learning_rate=config.task_encoder_learning_rate,
         freeze_task_encoder=config.freezes_task_encoder,
@@ -196,7 +197,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         """One step of all environments, stored."""
 
         def explore(carry: Carry, now: State, key: jax.Array) -> tuple[jax.Array, Carry, tuple[()]]:
-            share, row, coded = epsilon(config, step / total_steps), env.row(now), embedding
+            share, row, coded = epsilon(config, step / float(total_steps)), env.row(now), embedding
             if callable(coded):  # of the rows that act, one after another
                 row, coded = jnp.arange(config.num_envs), coded(row)
             return choose(state.params, coded, carry, now.obs, row, key, share), carry, ()
@@ -235,7 +236,10 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         return known, None
 
     def copied(state: DQNState, embedding: Any, count: jax.Array) -> DQNState:
-        """The target network as gradient step `count` needs it: copied if it is due, with the rows' present codes."""
+        """The target network as gradient step `count` needs it: copied if it is due, with the rows' present codes.
+
+        The count may be less than the true one by any multiple of the period.
+        """
         params = state.params
         if callable(embedding):  # of rows that are encoded apart the target keeps no codes
             embedding = ()
@@ -259,13 +263,14 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         marked: Any,
         phi: jax.Array | None,
         ready: jax.Array,
+        annealed: jax.Array,
         key: jax.Array,
     ) -> tuple[DQNState, dict[str, jax.Array]]:
         """One gradient step on a sampled batch.
 
         Until it is `ready` nothing moves. To choose between old and new parameters would read and write all of them at
         every step; with gradients of zero Adam's moments and the parameters stay what they were, and only its counter
-        has to be held.
+        has to be held. The step size is `annealed` by that share where Adam's counter is too small for the run.
         """
         with jax.named_scope("replay"):
             batch = replay.sample(state.buffer, key)
@@ -294,7 +299,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
                 gradient, scalars = jax.grad(direct_loss, has_aux=True)(state.params)
             gradient = jax.tree.map(lambda x: jnp.where(ready, x, 0.0), gradient)
         with jax.named_scope("optimiser"):
-            updates, opt_state = optimizer.update(gradient, state.opt_state, state.params)
+            updates, opt_state = optimizer.update(gradient, state.opt_state, state.params, share=annealed)
             opt_state = jax.tree.map(
                 lambda new, old: jnp.where(ready, new, old) if new.ndim == 0 else new, opt_state, state.opt_state
             )
@@ -304,7 +309,11 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
     def iterate(state: DQNState, env_params: TaskParams) -> tuple[DQNState, Metrics]:
         table = env_params.table
         key, scan_key = jax.random.split(state.key)
-        first = state.iteration * config.unroll_length
+        iteration = state.iteration
+        first = counting.before(iteration, config.unroll_length, total_steps)
+        # Less than 0, so that no count of this iteration overflows.
+        first_count = counting.product_modulo(iteration, config.updates_per_iteration, config.target_period)
+        first_count -= config.target_period
         known = embed(state.params, table) if apart(table) or not codes_move else None
         marked = marks(table) if rows_drawn else None
         if table.starts is not None:  # pools take turns: this one may be new
@@ -312,9 +321,10 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         phi = potential(table, config.discount) if config.shaping else None
 
         def one_step(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
-            step, key = inputs
+            place, key = inputs  # the place in the iteration
+            step = first + place
             act_key, *update_keys = jax.random.split(key, 1 + config.updates_per_step)
-            count = step * config.updates_per_step  # of gradient steps, from which the target's copies are timed
+            count = first_count + place * config.updates_per_step  # from which the target's copies are timed
             embedding, pullback = encode(state, table, known)
             if not copies_between:
                 state = copied(state, embedding, count)
@@ -323,13 +333,16 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
             state, done = interact(state, env_params, embedding, marked, step, act_key)
 
             # UPDATE
-            ready = step + 1 > config.learning_starts // config.num_envs  # without a product, which would overflow
+            ready = counting.has_reached(iteration, place, config.unroll_length, first_update)
+            annealed = jnp.maximum(step - first_update, 0) / float(total_steps)
             for i, update_key in enumerate(update_keys):
                 if i > 0:
                     embedding, pullback = encode(state, table, known)
                     if not copies_between:
                         state = copied(state, embedding, count + i)
-                state, scalars = update(state, table, known, embedding, pullback, marked, phi, ready, update_key)
+                state, scalars = update(
+                    state, table, known, embedding, pullback, marked, phi, ready, annealed, update_key
+                )
             scores = done.task, done.total / done.elapsed
             kept = done.totals, done.state.metrics, scores, task_totals(done, table)
             return state, (kept, scalars)
@@ -337,15 +350,15 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         def some_steps(state: DQNState, inputs: tuple[jax.Array, jax.Array]):
             if copies_between:
                 embedding = embed_target(state.params, table) if codes_move else known
-                state = copied(state, embedding, inputs[0][0] * config.updates_per_step)
+                state = copied(state, embedding, first_count + inputs[0][0] * config.updates_per_step)
             return jax.lax.scan(one_step, state, inputs)
 
-        steps = first + jnp.arange(config.unroll_length)
+        places = jnp.arange(config.unroll_length)
         keys = jax.random.split(scan_key, config.unroll_length)
-        state, kept = jax.lax.scan(some_steps, state, (steps.reshape(-1, together), keys.reshape(-1, together)))
+        state, kept = jax.lax.scan(some_steps, state, (places.reshape(-1, together), keys.reshape(-1, together)))
         (totals, env_metrics, scores, tasks), scalars = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), kept)
         scalars = jax.tree.map(jnp.mean, scalars) | env_scalars(env_metrics)
-        scalars["epsilon"] = epsilon(config, first / total_steps)
+        scalars["epsilon"] = epsilon(config, first / float(total_steps))
         if 1 < table.num_tasks <= MAX_TASKS_APART:
             task, score = scores
             scalars |= by_task(totals.episodes, task, score, table.num_tasks)

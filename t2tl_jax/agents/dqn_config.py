@@ -68,7 +68,7 @@ class DQNConfig(AdamLearnerConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         checks.counts(self, "num_envs", "unroll_length", "updates_per_step", "batch_size", "buffer_size")
-        checks.counts(self, "target_period")
+        checks.counts(self, "target_period", "updates_per_iteration")
         checks.counts(self, "learning_starts", "rows_per_transition", least=0)
         checks.shares(self, "discount", "epsilon_start", "epsilon_end")
         checks.positive(self, "max_gradient_norm")
@@ -124,7 +124,6 @@ class DQNConfig(AdamLearnerConfig):
         return self.num_envs * self.unroll_length
 
     @property
-    def max_frames(self) -> int:
-        """Steps of each environment are counted, and gradient steps (for `target_period`)."""
-        counted = self.unroll_length * self.updates_per_step
-        return checks.COUNTER_LIMIT // counted * self.frames_per_iteration
+    def updates_per_iteration(self) -> int:
+        """Gradient steps in one iteration."""
+        return self.unroll_length * self.updates_per_step

@@ -42,7 +42,9 @@ CAUSES = {
 """What is said of a seed, by fault."""
 
 
-def clipped(optimizer: optax.GradientTransformation, max_norm: float | jax.Array) -> optax.GradientTransformation:
+def clipped(
+    optimizer: optax.GradientTransformation, max_norm: float | jax.Array
+) -> optax.GradientTransformationExtraArgs:
     """The same optimiser on gradients clipped by their global norm; those that are not finite change no parameter.
 
     Its moments take them for 0. That is `optax.chain` of `clip_by_global_norm` and `optimizer`, with the same state,
@@ -65,7 +67,7 @@ def clipped(optimizer: optax.GradientTransformation, max_norm: float | jax.Array
         updates, state = chain.update(jax.tree.map(bounded, gradient), state, params, **extra)
         return jax.tree.map(lambda x: jnp.where(finite, x, 0.0), updates), state
 
-    return optax.GradientTransformation(chain.init, update)
+    return optax.GradientTransformationExtraArgs(chain.init, update)
 
 
 def watched(agent: Agent) -> Agent:

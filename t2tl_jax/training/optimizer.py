@@ -1,9 +1,10 @@
 """The optimiser of both learners."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax
+import jax.numpy as jnp
 import optax
 
 from t2tl_jax import checks
@@ -43,8 +44,11 @@ def clipped_adam(
     epsilon: float | jax.Array = 1e-8,
     task_encoder_learning_rate: float | jax.Array | None = None,
     freeze_task_encoder: bool = False,
-) -> optax.GradientTransformation:
+) -> optax.GradientTransformationExtraArgs:
     """Adam on gradients that are clipped by their global norm; those that are not finite change nothing.
+
+    Steps are counted for annealing. Of a run with more of them than 32 bits can count, `update` is to be told the share
+    that is over, as ``share=``; of others it takes that and does not read it.
 
     Args:
         learning_rate: step size, at the start if it is annealed.
@@ -58,6 +62,8 @@ def clipped_adam(
     """
 
     def adam(rate: float | jax.Array) -> optax.GradientTransformation:
+        if anneal and gradient_steps > checks.COUNTER_LIMIT:
+            return optax.chain(optax.scale_by_adam(eps=epsilon), _annealed_by_share(rate))
         return optax.adam(optax.linear_schedule(rate, 0.0, gradient_steps) if anneal else rate, eps=epsilon)
 
     step = adam(learning_rate)
@@ -66,6 +72,27 @@ def clipped_adam(
     elif task_encoder_learning_rate is not None:
         step = optax.partition({PART: adam(task_encoder_learning_rate), REST: step}, _labels)
     return clipped(step, max_gradient_norm)
+
+
+def _annealed_by_share(rate: float | jax.Array) -> optax.GradientTransformationExtraArgs:
+    """Steps of that size, falling linearly to zero with the `share` of the run that is over.
+
+    The state is that of optax's schedule, whose counter stops at its limit: a run that is made longer goes on with it.
+    """
+
+    def init(params: Params) -> optax.ScaleByScheduleState:
+        del params
+        return optax.ScaleByScheduleState(jnp.int32(0))
+
+    def update(
+        updates: Any, state: optax.ScaleByScheduleState, params: Params = None, *, share: jax.Array, **extra: Any
+    ) -> tuple[Any, optax.ScaleByScheduleState]:
+        del params, extra
+        size = rate * (1.0 - jnp.clip(share, 0.0, 1.0))
+        after = optax.ScaleByScheduleState(optax.safe_increment(state.count))
+        return jax.tree.map(lambda x: -size * x, updates), after
+
+    return optax.GradientTransformationExtraArgs(init, update)
 
 
 def _labels(params: Params) -> Params:

@@ -32,7 +32,7 @@ class Episode:
     limit: jax.Array  # int32, the episode is cut when elapsed reaches it
     total: jax.Array  # float32, undiscounted return so far
     discounted: jax.Array  # float32, discounted return so far
-    turn: jax.Array  # int32, number of the episode in its environment
+    turn: jax.Array  # int32, number of the episode in its environment; -2**31 comes behind 2**31 - 1
     task: jax.Array  # int32, which of the table's tasks; -1 for a start in another row, which enters no totals
 
 

@@ -8,6 +8,7 @@ import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 
 from t2tl_jax.agents.dqn import epsilon, make_dqn
@@ -178,20 +179,26 @@ def test_nothing_is_learnt_before_the_start_and_targets_are_copied_on_time(learn
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("iteration", [0, 10**9 + 7])
 @pytest.mark.parametrize(("updates_per_step", "target_period", "steps"), [(1, 6, 4), (2, 12, 4), (2, 9, 3)])
-def test_the_target_is_copied_when_the_count_of_gradient_steps_says(env, updates_per_step, target_period, steps):
+def test_the_target_is_copied_when_the_count_of_gradient_steps_says(
+    env, updates_per_step, target_period, steps, iteration
+):
     """Some copies fall on the beginning of an iteration, others within one: between two blocks of its steps, or between
-    the two updates of a step."""
+    the two updates of a step. Also where the count has more than 32 bits."""
     network = dataclasses.replace(SMALL, task_encoder=OneHotConfig(size=env.table.num_rows))
     config = dataclasses.replace(DQN, network=network, unroll_length=steps, learning_starts=0)
     config = dataclasses.replace(config, updates_per_step=updates_per_step, target_period=target_period)
-    agent, given = make_dqn(env, config, episode_length=5, iterations=ITERATIONS), env.make_params(0)
-    states, iterate = [jax.jit(agent.init)(jax.random.key(0), given)], jax.jit(agent.iterate)
-    begun = [0]  # gradient steps before each state
+    iterations = iteration + ITERATIONS
+    agent, given = make_dqn(env, config, episode_length=5, iterations=iterations), env.make_params(0)
+    start, iterate = jax.jit(agent.init)(jax.random.key(0), given), jax.jit(agent.iterate)
+    states = [dataclasses.replace(start, iteration=jnp.int32(iteration))]
+    begun = [iteration * steps * updates_per_step]  # gradient steps before each state
     for _ in range(4):
         states.append(iterate(states[-1], given)[0])
         begun.append(begun[-1] + steps * updates_per_step)
         due = (begun[-1] - 1) // target_period * target_period  # the last copy before the end of the iteration
+        due = max(due, begun[0])  # before any, the target is what it was at the start
         target = states[-1].target_params
         same = [jax.tree.all(jax.tree.map(lambda a, b: (a == b).all(), target, state.params)) for state in states]
         assert [count for count, is_same in zip(begun, same, strict=True) if is_same] == [due] * (due in begun)
@@ -255,18 +262,35 @@ def test_replay_wraps_around_and_keeps_the_newest(learner):
 
 
 @pytest.mark.slow
-def test_ten_billion_frames_overflow_no_counter(learner):
-    """As late as that it still learns, and explores as at the end; `learning_starts` was counted in frames."""
-    _, init, iterate = learner
-    state = init(jax.random.key(0))
-    for _ in range(3):
-        state, _ = iterate(state)
-    late = dataclasses.replace(state, iteration=jnp.int32(10**10 // (8 * 10)))
-    after, metrics = iterate(late)
-    moved = jax.tree.map(lambda a, b: np.abs(a - b).max(), after.params, late.params)
-    assert max(jax.tree.leaves(moved)) > 0
-    assert metrics.scalars["epsilon"] == pytest.approx(DQN.epsilon_end)
-    assert DQNConfig().max_frames > 10**10 and after.iteration > late.iteration > 0
+def test_ten_billion_steps_overflow_no_counter(env):
+    """In a run whose steps have more than 32 bits exploration, step size and the start of learning are as Python's
+    whole numbers say, in two iterations begun anywhere in it."""
+    length, starts, total = 10, 15, 10**10
+    rates = {"learning_rate": 1e-5, "anneal_learning_rate": True, "epsilon_fraction": 1.0}
+    sizes = {"unroll_length": length, "num_envs": 1, "learning_starts": starts, "batch_size": 16}
+    agent = begun_quickly(make(env, SMALL, iterations=total // length, **sizes, **rates))
+    given, iterate = env.make_params(0), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
+    state = jax.jit(agent.init)(jax.random.key(0), given)
+
+    def moves(begun):
+        """How far the parameters move in two iterations begun there."""
+        before, moved = dataclasses.replace(state, iteration=jnp.int32(begun)), []
+        for iteration in (begun, begun + 1):
+            after, metrics = iterate(before, given)
+            share = iteration * length / total
+            expected = DQN.epsilon_start + share * (DQN.epsilon_end - DQN.epsilon_start)
+            assert metrics.scalars["epsilon"] == pytest.approx(expected, abs=1e-6)
+            assert after.iteration == iteration + 1
+            moved.append(float(optax.tree.norm(optax.tree.sub(after.params, before.params))))
+            before = after
+        return moved
+
+    early, late, end = (moves(at) for at in (0, 9 * total // length // 10, total // length - 2))
+    assert early[0] == 0 < early[1]  # 10 steps, of which none learns, and 10 of which 5 do
+    # Adam's step is about as large whatever the gradient: a tenth of the step size is left, for twice as many steps.
+    assert late[0] == pytest.approx(2 * early[1] / 10, rel=0.5) and late[1] > 0
+    assert max(end) < 1e-6 * early[1]
+    assert dataclasses.replace(DQN, **sizes).max_frames == (2**31 - 1) * length
 
 
 @pytest.mark.slow
@@ -290,6 +314,7 @@ def test_vmapped_seeds_equal_single_seeds(env, learner):
     [
         ({"batch_size": 5000}, "buffer_size"),
         ({"num_envs": 0}, "at least 1"),
+        ({"updates_per_step": 2**30}, "updates_per_iteration must be at most 2,147,483,647"),
         ({"learning_starts": 10**10}, "learning_starts must be at most 2,147,483,647"),
         ({"discount": math.nan}, "discount must lie between 0 and 1"),
         ({"epsilon_start": 2.0}, "epsilon_start must lie between 0 and 1"),

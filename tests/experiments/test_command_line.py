@@ -136,8 +136,8 @@ def test_a_part_can_be_of_another_kind():
         (["--config", "zone_ppo", "--frames", "0"], "error: frames must be at least 1, got 0"),
         (["--config", "zone_ppo", "--frames", "1e15"], "error: frames must be at most 70,368,744,144,896 with these"),
         (
-            ["--config", "waterworld_dqn", "--frames", "1e12"],
-            "error: frames must be at most 274,877,898,752 with these",
+            ["--config", "waterworld_dqn", "--frames", "1e14"],
+            "error: frames must be at most 17,592,186,036,224 with these",
         ),
         (["--config", "zone_ppo", "--episode-length", "1e10"], "episode_length must be at most 2,147,483,646, since"),
         (["--config", "zone_ppo", "--learner.num-envs", "0"], "error: learner: num_envs must be at least 1, got 0"),

@@ -48,6 +48,18 @@ def test_a_frozen_encoder_stays_and_the_rest_moves_as_with_gradients_of_zero():
     assert held == {False: 2, True: 0}  # Adam's two moments of the encoder, which cost time to keep
 
 
+@pytest.mark.parametrize("own", [None, 1e-3])
+def test_a_run_with_more_steps_than_can_be_counted_is_annealed_by_its_share(own):
+    """To the sizes of a run that is counted, with the same state, in which checkpoints are stored."""
+    counted, shared = (clipped_adam(1e-2, 0.2, steps, True, task_encoder_learning_rate=own) for steps in (10, 10**10))
+    params, state, expected = PARAMS, shared.init(PARAMS), counted.init(PARAMS)
+    for step in range(12):
+        updates, state = shared.update(GRADIENTS, state, params, share=jnp.float32(step / 10))
+        wanted, expected = counted.update(GRADIENTS, expected, params, share=jnp.float32(0.5))  # which is not read
+        chex.assert_trees_all_close(updates, wanted, rtol=1e-5, atol=1e-9)
+        chex.assert_trees_all_equal(state, expected)
+
+
 @pytest.mark.parametrize("size", [1.0, 1e3, 0.0, np.nan, np.inf, 1e30], ids=str)
 def test_clipping_is_that_of_optax_and_what_is_not_finite_changes_no_parameter(size):
     """1e30: every number is finite, their norm is not."""

@@ -47,6 +47,20 @@ def play(env, actions, limit, turn=0):
     return jax.tree.map(lambda x: x[0], episodes), jax.tree.map(lambda x: x[:, 0] if x.ndim > 1 else x, steps)
 
 
+def test_tasks_go_on_taking_turns_when_the_number_of_the_episode_overflows():
+    env = task_env(("F Up", "F Down", "F(Up & F Down)"))
+
+    @jax.jit
+    def started(turn):
+        return env.task(env.reset(jax.random.key(0), turn=turn))
+
+    around = jnp.int32(2**31 - 4) + jnp.arange(8, dtype=jnp.int32)
+    tasks = [int(started(turn)) for turn in around]
+    assert around[3] == 2**31 - 1 and around[4] == -(2**31)
+    steps = (np.diff(tasks) % 3).tolist()
+    assert set(tasks) == {0, 1, 2} and steps[:3] == steps[4:] == [1, 1, 1]
+
+
 def test_success_terminates_and_the_next_episode_starts_with_the_whole_task(env):
     episode, steps = play(env, [[1.0], [-1.0]], limit=10)
     assert steps.terminated.tolist() == [False, True] and not steps.truncated.any()
