@@ -17,6 +17,7 @@ from t2tl_jax.quiet import quiet_imports
 
 if TYPE_CHECKING:
     from t2tl_jax.runs.prompt import Played, Prompt
+    from t2tl_jax.runs.result import Result
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,8 @@ def _main(texts: list[str]) -> int:
     view = result.experiment.env.view()
     if arguments.gif is not None and view is None:
         raise UserError("--gif: the environment of this run has no view from above to draw")
-    prompt = Prompt(result, arguments.seed, arguments.which, arguments.episode_length)
-    _warm_up(prompt, result.experiment.env.propositions)
+    given = (arguments.seed, arguments.which, arguments.episode_length)
+    prompt = _warmed_up(Prompt(result, *given), result)
     failed = False
     for text in _lines():
         try:
@@ -78,7 +79,7 @@ def _main(texts: list[str]) -> int:
             if maps.note:  # the formulas that follow are played there, too
                 print(f"note: {maps.note}", file=sys.stderr, flush=True)
                 result, view = maps.result, maps.result.experiment.env.view()
-                prompt = Prompt(result, arguments.seed, arguments.which, arguments.episode_length)
+                prompt = _warmed_up(Prompt(result, *given), result, " for these maps")
             played = prompt.play(text)
         except UserError as error:
             print(f"error: {error}", file=sys.stderr, flush=True)
@@ -100,14 +101,17 @@ def _check_gif(file: Path | None) -> None:
         raise UserError(f"--gif {file}: there is no folder {file.parent}; make it, or name one that exists")
 
 
-def _warm_up(prompt: "Prompt", propositions: Sequence[str]) -> None:
-    """Compile for formulas of the usual sizes, before somebody waits for it."""
-    print("compiling ...", end="", file=sys.stderr, flush=True)
+def _warmed_up(prompt: "Prompt", result: "Result", what: str = "") -> "Prompt":
+    """Compile for formulas of the usual size, before one is timed, and say for what else than the run's own maps."""
+    names = result.experiment.env.propositions
+    print(f"compiling the programs{what} ...", end="", file=sys.stderr, flush=True)
     for _ in range(2):  # the second time nothing compiles
-        prompt.play(f"F {propositions[0]}")
+        prompt.play(f"F {names[0]}")
+    gc.unfreeze()  # programs for other maps are not needed any more
     gc.collect()
     gc.freeze()  # what is there by now stays: looking through all of it takes longer than a formula does
-    print(f" ready; formulas over {', '.join(propositions)}", file=sys.stderr, flush=True)
+    print(f" ready; formulas over {', '.join(names)}", file=sys.stderr, flush=True)
+    return prompt
 
 
 def _lines() -> Iterator[str]:

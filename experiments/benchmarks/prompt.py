@@ -5,6 +5,7 @@ before was as large, are the warming up, and are not counted.
 """
 
 import dataclasses
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -26,6 +27,9 @@ LENGTH = 8
 """Steps of the episodes that follow a first action, and are not timed."""
 
 QUANTILES = (0.5, 0.95, 1.0)
+
+AIM = 5.0
+"""Milliseconds from a text to the first action, once warmed up: how many formulas take longer is counted."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,21 +58,27 @@ def _main(texts: list[str]) -> int:
     words = ["python", "-m", "experiments.benchmarks.prompt", *texts]
     arguments = parse(Arguments, texts, "python -m experiments.benchmarks.prompt", __doc__)
     json_file.check(arguments.json)
-    found = {}
+    found, load = {}, [os.getloadavg()[0]]  # with much other work beside it, a formula waits for that, too
     for run in arguments.runs:
         found[str(run)] = measure(run, arguments.formulas)
         print(run, found[str(run)], flush=True)
     if arguments.json is not None:
         from t2tl_jax.runs import provenance
 
-        settings = {"formulas": arguments.formulas, "episode_length": LENGTH}
-        json_file.write(arguments.json, {"where": provenance.describe(words), "settings": settings, "results": found})
+        content = {
+            "where": provenance.describe(words),
+            "settings": {"formulas": arguments.formulas, "episode_length": LENGTH, "aim_ms": AIM},
+            "load": [round(one, 2) for one in (*load, os.getloadavg()[0])],  # before and after, of a minute
+            "results": found,
+        }
+        json_file.write(arguments.json, content)
         print(f"written: {arguments.json}")
     return 0
 
 
 def measure(run: Path, formulas: int) -> dict[str, Any]:
-    """Milliseconds of one run: how many formulas were drawn and counted, and quantiles of both times."""
+    """Milliseconds of one run: how many formulas were drawn and counted, quantiles of both times, and how many first
+    actions came later than was aimed at."""
     with quiet_imports():
         import experiments.configs  # noqa: F401, registers what runs are made of
         from t2tl_jax import load
@@ -88,7 +98,8 @@ def measure(run: Path, formulas: int) -> dict[str, Any]:
         "action_ms": [one.action_ms for one in counted],
     }
     quantiles = {name: np.quantile(values, QUANTILES).round(3).tolist() for name, values in times.items() if values}
-    return {"drawn": formulas, "counted": len(counted), "quantiles": list(QUANTILES), **quantiles}
+    late = sum(value >= AIM for value in times["action_ms"])
+    return {"drawn": formulas, "counted": len(counted), "late": late, "quantiles": list(QUANTILES), **quantiles}
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from t2tl_jax.ltl import (
     row_languages,
 )
 from t2tl_jax.ltl.compiler.automaton import build
+from t2tl_jax.ltl.errors import UnknownPropositionError
 from t2tl_jax.ltl.family_trees import MAX_LISTED
 from t2tl_jax.ltl.languages import Language, of_rows
 from t2tl_jax.ltl.padding import padded
@@ -144,7 +145,21 @@ class Pools:
 
 
 def kept_out(config: Config, env: Letters) -> frozenset[Language]:
-    """The rows that training is not to meet, up to renaming of propositions: all of some tasks, the first of others."""
+    """The rows that training is not to meet, up to renaming of propositions: all of some tasks, the first of others.
+
+    Raises:
+        LTLError: for a task that is none, or speaks of other propositions than those of the environment.
+    """
+    try:
+        return _kept_out(config, env)
+    except UnknownPropositionError as error:
+        raise UnknownPropositionError(
+            f"{error}\nTasks that are to be kept out of training speak of them, those of pool.unseen or pool.held_out: "
+            "give others, or '' for none"
+        ) from error
+
+
+def _kept_out(config: Config, env: Letters) -> frozenset[Language]:
     names, alphabet, rows = env.propositions, env.alphabet, frozenset[Language]()
     if config.pool.held_out:
         rows |= frozenset(row_languages(resolve_tasks(config.pool.held_out).values(), names, alphabet))

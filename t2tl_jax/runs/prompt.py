@@ -1,6 +1,9 @@
 """Formulas that are played as soon as they are typed: compiled programs that wait for the next one."""
 
+import gc
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import jax
@@ -71,7 +74,7 @@ class Prompt:
         every = experiment.env_params("evaluation")
         self._env_params = jax.device_put(replace(every, env=seed_slice(every.env, index)))
         self._key, self._next = jax.random.split(stream_keys(experiment.seeds, ANIMATION)[index])
-        self._shapes: set[tuple[int, ...]] = set()
+        self._shapes: set[tuple[tuple[int, ...], ...]] = set()
         env, agent = experiment.task_env, experiment.player
         self._record = recorder(env, experiment.env.view(), agent, length, deterministic=True)
 
@@ -99,15 +102,17 @@ class Prompt:
         Raises:
             UserError: for a formula with mistakes, in one line.
         """
-        started = time.perf_counter()
-        table = self._compiled(task)
-        compiled = time.perf_counter()
-        given = (self._params, replace(self._env_params, table=table), self._key)
-        action = np.asarray(self._first_action(*given))
-        acted = time.perf_counter()
+        with _garbage_kept():
+            started = time.perf_counter()
+            table = self._compiled(task)
+            compiled = time.perf_counter()
+            given = (self._params, replace(self._env_params, table=table), self._key)
+            action = np.asarray(self._first_action(*given))
+            acted = time.perf_counter()
         self._key, self._next = jax.random.split(self._next)  # here, where nobody waits for it
-        is_new = table.tokens.shape not in self._shapes
-        self._shapes.add(table.tokens.shape)
+        shapes = tuple(leaf.shape for leaf in jax.tree.leaves(table))
+        is_new = shapes not in self._shapes
+        self._shapes.add(shapes)
         recording = self._record(*given)
         return Played(table, recording, action, 1e3 * (compiled - started), 1e3 * (acted - started), is_new)
 
@@ -123,6 +128,19 @@ class Prompt:
         except ValueError as error:
             raise UserError(str(error).splitlines()[0]) from error  # below it a caret shows the place
         return table
+
+
+@contextmanager
+def _garbage_kept() -> Iterator[None]:
+    """Collect no garbage meanwhile: to look through all objects takes many times longer than a formula does. What was
+    put off is done after the first action."""
+    collected = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collected:
+            gc.enable()
 
 
 def _reads_rows_alone(agent: Agent, params: Params, table: TaskTable) -> bool:

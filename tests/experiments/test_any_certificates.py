@@ -19,7 +19,8 @@ def test_certificates_made_afterwards_are_those_beside_the_parameters(tmp_path):
     )
     bound = {"value": 0.25, "low": 0.125, "high": 0.5, "count": 8}
     one = {"success": bound, "violation": bound | {"low": 0.0}, "env_terminations": 1, "timeouts": 3}
-    made = {"settings": {"checkpoint": "final"}, "seed": 24, "policy": "sampled", "by_task": {"F a | F b": one}}
+    settings = {"checkpoint": "final", "episode_length": 1500}
+    made = {"settings": settings, "seed": 24, "policy": "sampled", "by_task": {"F a | F b": one}}
     where = {"git_revision": "0123456789", "devices": ["cpu"], "cpu": "some chip"}
     times = {"episodes": 8, "seconds": 61.4, "compile_seconds": 2.0, "map_seconds": 3.0, "own_maps": True}
     (tmp_path / "any-water" / "certificates.json").write_text(
@@ -28,7 +29,8 @@ def test_certificates_made_afterwards_are_those_beside_the_parameters(tmp_path):
     said = anycertified.certified(runs)
     bounds = "0.25000 [0.12500, 0.50000]", "0.25000 [0.00000, 0.50000]"
     assert cells(said)["any-water"] == ["F a \\| F b", "-", "-", *bounds, "0.37500", "0.12500"]
-    assert "seed 24, 8 episodes a task, 2 intervals; 61 s of playing, 61.4 s a task, after 3 s of drawing maps" in said
+    assert "seed 24, 8 episodes a task of at most 1,500 steps, 2 intervals; 61 s of playing, 61.4 s a task, " in said
+    assert "after 3 s of drawing maps and 2 s of compiling, on a CPU." in said
     assert "any-flat has none" in said and "Commits: 0123456. Hardware: 1 x CPU (some chip)." in said
     assert "Each episode has a map of its own" in said and "come again" not in said
 

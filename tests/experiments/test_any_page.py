@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import tests.fake_learner  # noqa: F401
-from envs.zones import OPEN, OPEN_6
+from envs.zones import OPEN, OPEN_6, ZoneEnv
 from experiments.paper import published_any as published
 from experiments.reproduction import stored
 from experiments.reproduction.anytask import met, picture, suites, terms, tested
@@ -21,7 +21,7 @@ from experiments.reproduction.sections import anyalone, anycertified, anycodes, 
 from experiments.reproduction.sections.anytask import Bar
 from experiments.reproduction.sections.figures import found_or_not
 from t2tl_jax.evaluation.statistics import exact_rate
-from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.ltl import compile_tasks, resolve_tasks
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.state_encoders import FlatConfig
 from t2tl_jax.registry import make_env
@@ -298,6 +298,14 @@ def test_what_memory_is_and_how_far_it_was_trained_is_said(tmp_path):
     (runs[names[0]].path / met.FILE).write_text(json.dumps(shares))
     with_rows = anymemory.memory(names, runs)
     assert "of 1 no row; of their open rows it met 7/9 up to names, 2/9 under their own." in with_rows
+
+
+def test_more_colours_are_only_on_the_map():
+    for suite in suites.MORE_COLOURS:
+        assert suite.tasks == suites.SIX and len(set(suite.env.colours)) >= 6
+        named = {name for formula in resolve_tasks(suite.tasks).values() for name in formula.propositions()}
+        assert named == set(ZoneEnv(OPEN_6).propositions) <= set(ZoneEnv(suite.env).propositions)
+    assert "Discs have a radius of 0.40 m,\n  with ten colours of 0.35 m." in terms.TERMS
 
 
 def test_what_was_met_stands_beside_certificates(zones):

@@ -1,5 +1,6 @@
 """Formulas that a run was not trained on: lists of them, certificates, and the prompt."""
 
+import gc
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -222,6 +223,27 @@ def test_the_first_action_after_warming_up_comes_at_once(run):
     assert not any(one.is_new_shape for one in played)
     assert np.median([one.action_ms for one in played]) < 20
     assert np.median([one.compile_ms for one in played]) < 10
+
+
+@pytest.mark.parametrize("collecting", [True, False])
+def test_no_garbage_is_collected_before_the_first_action(run, collecting, monkeypatch):
+    """Looking through all objects takes longer than the whole formula; afterwards things are as they were."""
+    meanwhile = []
+    prompt = Prompt(run)
+
+    def refuse(formula):
+        meanwhile.append(gc.isenabled())
+        raise UserError("no")
+
+    monkeypatch.setattr(prompt, "_compiled", refuse)
+    before = gc.isenabled()
+    try:
+        (gc.enable if collecting else gc.disable)()
+        with pytest.raises(UserError):
+            prompt.play("F Up")
+        assert meanwhile == [False] and gc.isenabled() == collecting
+    finally:
+        (gc.enable if before else gc.disable)()
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from t2tl_jax.ltl import (
     resolve_tasks,
     row_languages,
 )
+from t2tl_jax.ltl.tasks import NAMED_TASKS
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.registry import make_env, named_config
@@ -117,12 +119,15 @@ def test_what_is_held_out_is_met_under_no_name():
     wrong = dataclasses.replace(config, pool=dataclasses.replace(config.pool, held_out="z9"))
     with pytest.raises(LTLError, match='unknown task "z9"'):
         make_pools(wrong, ENV).training(0)
+    wrong = dataclasses.replace(config, pool=dataclasses.replace(config.pool, unseen="F Red"))
+    with pytest.raises(LTLError, match=r'(?s)unknown proposition "Red".*kept out of training speak of them'):
+        make_pools(wrong, ENV).training(0)
 
 
 def start(task, env):
     """The class of a task itself, not of what is left of it."""
     table = compile_tasks(resolve_tasks(task)[task], env.propositions, env.alphabet)
-    full = compile_pool(Listed((task,)), env.propositions, env.alphabet, 0, size=1, rows=table.num_rows, length=99)
+    full = compile_pool(Listed((task,)), env.propositions, env.alphabet, 0, size=1, rows=table.num_rows, length=999)
     rows = np.asarray(full.initial_row).tolist()
     return renaming.classes(np.asarray(full.next_row), np.asarray(full.verdict), rows, full.alphabet)[0]
 
@@ -136,14 +141,23 @@ def test_what_is_unseen_is_no_task_under_any_name_but_what_is_left_of_it_may_be(
     assert not meanings(kept).isdisjoint(every - {first})
 
 
-@pytest.mark.parametrize("name", ["zones_any", "letters_any", "flat_any"])
-def test_configurations_for_any_task_keep_out_what_they_are_tested_on(name):
+@pytest.mark.parametrize(
+    ("name", "begins", "named", "others"),
+    [
+        ("zones_any", r"(z|g|j|s)\d|long|reach_|avoid_", 22, 2),
+        ("letters_any", "letters_", 7, 0),
+        ("flat_any", "flat_", 5, 0),
+        ("water_any", "phi_water", 9, 0),
+    ],
+)
+def test_configurations_for_any_task_keep_out_what_they_are_tested_on(name, begins, named, others):
     """Pools of their sizes fit, fill their table well, and meet none of the test formulas as a task."""
     config = named_config(name)
     env = make_env(config.env)
     config = dataclasses.replace(config, pool=dataclasses.replace(config.pool, size=48, rows=256))
     tests = resolve_tasks(config.pool.unseen)
-    assert len(tests) == (6 if name == "zones_any" else 5)
+    of_its_world = {task for task in NAMED_TASKS if re.match(begins, task)} - {"reach_2"}  # which is any chain of two
+    assert len(of_its_world) == named and of_its_world <= tests.keys() and len(tests) == named + others
     starts = {start(name, env) for name in tests}
     table = make_pools(config, env).training(0)
     own = renaming.classes(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from envs.zones import OPEN_6, OPEN_10
 from experiments.paper import published_any as published
 from experiments.reproduction.page import paragraph
 
@@ -56,6 +57,9 @@ TERMS = f"""\
 - **Rows met**: of the formula's open rows, how many were a row of any pool of the training, by language. **Renamed**:
   also under other names of propositions. Of more than four colours, a row that reads more colours than the training had
   was not met. Its own family: all rows of the formulas that are kept for evaluation.
+- **Six, eight and ten colours**: maps with so many. The formulas are the same three on all of them, six_1 to six_3,
+  which speak of six colours: the others are only on the map. Discs have a radius of {OPEN_6.radius:.2f} m,
+  with ten colours of {OPEN_10.radius:.2f} m.
 - **Unseen**: a formula of which a row was met is not unseen in the strict sense. Its last steps, such as "reach Blue",
   are rows of nearly every task. The formulas of the tests themselves are kept out of all pools of the agents, under
   whatever names, but for those of more than four colours, of `Until_1_2_1_1` and of the lists with maps. What encoders

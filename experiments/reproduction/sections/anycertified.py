@@ -54,9 +54,9 @@ def certified(runs: Mapping[str, Stored]) -> str:
             *([lists] if lists else []),
             f"{' '.join(_told(name, one) for name, one in found)} {lacking}".rstrip(),
             f"{' '.join(about)} Each is of one seed, the run's first, which can lie above or below the means over "
-            "seeds of the tables before. Intervals are exact and binomial (Clopper and Pearson); they hold at once "
-            f"with {CONFIDENCE:.0%} within one command (Bonferroni), not over several. Time-outs and ends by the "
-            "environment are shares without bounds.",
+            "seeds of the tables before. Intervals are exact and binomial (Clopper and Pearson); those of "
+            f"one command hold at once with {CONFIDENCE:.0%} (Bonferroni), not over several commands. Time-outs and "
+            "ends by the environment are shares without bounds.",
             "Each is made by `python -m experiments.evaluate results/any/RUN --tasks TASKS --certify EPISODES`; "
             "certificates.json beside the parameters holds the bounds and the whole command.",
             f"Of these certificates: {origin([one.get('where', {}) for _, one in found])}",
@@ -160,10 +160,23 @@ def _told(name: str, made: Mapping[str, Any]) -> str:
     """Whose certificates these are, and how long they took."""
     each = made["seconds"] / len(made["by_task"])
     return (
-        f"{name}: {made['policy']} policy of seed {made['seed']}, {made['episodes']:,} episodes a task, "
+        f"{name}: {made['policy']} policy of seed {made['seed']}, {made['episodes']:,} episodes a task{_limit(made)}, "
         f"{2 * len(made['by_task'])} intervals; {made['seconds']:.0f} s of playing, {each:.1f} s a task, after "
-        f"{made.get('map_seconds', 0):.0f} s of drawing maps and {made['compile_seconds']:.0f} s of compiling."
+        f"{made.get('map_seconds', 0):.0f} s of drawing maps and {made['compile_seconds']:.0f} s of compiling"
+        f"{_device(made)}."
     )
+
+
+def _limit(made: Mapping[str, Any]) -> str:
+    """The time limit; those that were made with the tests have the run's own."""
+    limit = made.get("settings", {}).get("episode_length")
+    return "" if limit is None else f" of at most {limit:,} steps"
+
+
+def _device(made: Mapping[str, Any]) -> str:
+    """On what it was made, if that is known."""
+    devices = made.get("where", {}).get("devices", [])
+    return f", on {' and '.join(sorted(set(devices)))}".replace("cpu", "a CPU") if devices else ""
 
 
 def _why(run: Stored) -> str:
