@@ -40,13 +40,16 @@ def test_links_are_those_of_headings():
 
 
 def test_prompt_and_speed_are_those_that_are_stored(tmp_path):
-    times = {"quantiles": [0.5, 1.0], "action_ms": [1.5, 196.8]}
-    (tmp_path / typed.FILE).write_text(json.dumps({"results": {"results/any/any-zones": times}}))
-    (aim,) = summary.prompt(tmp_path)
-    assert aim[1:] == ("under 5", "1.5 (any-zones)", "reached in the median; the slowest of all formulas took 197")
-    times["action_ms"] = [6.0, 7.0]
-    (tmp_path / typed.FILE).write_text(json.dumps({"results": {"results/any/any-zones": times}}))
-    assert summary.prompt(tmp_path)[0][-1] == "**not reached**" and summary.speed(tmp_path) == []
+    def aim(**times):
+        of = {"quantiles": [0.5, 1.0], "counted": 40, **times}
+        content = {"results": {"results/any/any-zones": of}, "settings": {"aim_ms": 5.0}}
+        (tmp_path / typed.FILE).write_text(json.dumps(content))
+        return summary.prompt(tmp_path)[0][1:]
+
+    some_late = "reached by the median alone: 2 of 40 formulas took longer, the slowest 196.8"
+    assert aim(action_ms=[1.5, 196.8], late=2) == ("under 5", "median 1.5 (any-zones)", some_late)
+    assert aim(action_ms=[1.5, 4.9], late=0)[-1] == "reached"
+    assert aim(action_ms=[6.0, 7.0], late=30)[-1] == "**not reached**" and summary.speed(tmp_path) == []
     row = {"part": "environments", "size": "8 at once", "unit": "steps/s", "slowest": 1.0, "fastest": 2e9}
     rows = [row | {"what": "letterworld, grid", "rate": 2e8}, row | {"what": "flatworld, steps", "rate": 9e7}]
     content = {"version": 1, "where": {}, "settings": {}, "rows": rows}
@@ -58,7 +61,7 @@ def test_prompt_and_speed_are_those_that_are_stored(tmp_path):
 
 
 def test_verdicts_are_counted():
-    assert cells(summary.summary({}, RESULTS))["[prompt](usage.md)"][1] == f"under {typed.AIM:g}"
+    assert cells(summary.summary({}, RESULTS))["[prompt](usage.md)"][1] == "under 5"
     assert summary._counted(["reached", "reached, but", "**not reached**"]) == (
         "Of the 3 lines of this table 2 say reached, 1 of these with a reservation beside it."
     )
