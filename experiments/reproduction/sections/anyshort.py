@@ -47,10 +47,10 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     parts = (
         "*An agent of the open ZoneEnv; settings were chosen on other formulas, knowing these results.",
         f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
-        f"(DeepLTL: {theirs('DeepLTL')}; GenZ-LTL, played by us and not stored: {theirs('GenZ-LTL')});",
-        f"weakest of {len(hard)} harder ones: {weakest}, {means[weakest]:.3f}, worst seed",
+        f"(DeepLTL: {theirs('DeepLTL')}; GenZ-LTL, played by us, not stored: {theirs('GenZ-LTL')});",
+        f"weakest of {len(hard)} harder: {weakest}, {means[weakest]:.3f}, worst seed",
         f"{float(np.nanmin(rates[weakest])):.3f} (GenZ-LTL {genz:.3f});",
-        *([f"six colours on maps of six to ten: {min(coloured):.2f} to {max(coloured):.2f};"] if coloured else []),
+        *([f"six of up to ten colours: {min(coloured):.2f} to {max(coloured):.2f};"] if coloured else []),
         f"twelve discs in turn: {means['reach_12']:.2f}.",
         *_strictly(runs),
         f"{len(run.seeds)} seeds, {run.frames / 1e6:.0f} M frames: {run.train_seconds:.0f} s +",
