@@ -26,10 +26,31 @@ STEPS = {
 """What the steps of `experiments.benchmarks.gains` are."""
 
 
+LIKE = {
+    "rm_water_crm_shaped": "rm_water_crm",
+    "rm_water_ql_shaped": "rm_water_ql",
+    "rm_water_parallel": "rm_water_crm",
+    "pretrain_zone_published": "pretrain_zone",
+    "pretrain_water": "pretrain_zone",
+}
+"""Configurations that are not profiled, by the one whose program has the same parts."""
+
+
 def profiles(results: Path) -> str:
     """For every training that was profiled a table of its parts."""
     files = sorted(results.glob(FILES))
-    return "\n\n".join(_profiled(read_json(file), file) for file in files) if files else "Not measured yet."
+    if not files:
+        return "Not measured yet."
+    like = "; ".join(f"`{one}` like `{other}`" for one, other in LIKE.items())
+    said = f"""
+        Not profiled are these configurations, whose programs have the same parts as another, in other sizes or numbers:
+        {like}."""
+    return "\n\n".join([*(_profiled(read_json(file), file) for file in files), paragraph(said)])
+
+
+def profiled(results: Path) -> set[str]:
+    """The configurations that were profiled."""
+    return {training.partition(":")[0] for file in results.glob(FILES) for training in read_json(file)["profiles"]}
 
 
 def _profiled(stored: Mapping[str, Any], file: Path) -> str:

@@ -13,6 +13,8 @@ from experiments.benchmarks.operations import count
 from experiments.benchmarks.parts import NAMES, REST, part_of
 from experiments.benchmarks.trainings import training
 from experiments.reproduction import profiles
+from experiments.reproduction.stored import REPOSITORY
+from t2tl_jax.registry import configs
 from t2tl_jax.runs.experiment import build
 
 WHERE = {
@@ -137,6 +139,12 @@ def test_the_page_sets_parts_against_their_floor(tmp_path):
 
 def test_every_step_that_is_measured_is_described():
     assert set(gains_benchmark.STEPS) == set(profiles.STEPS)
+
+
+def test_every_configuration_is_profiled_or_like_one_that_is():
+    there = profiles.profiled(REPOSITORY / "results")
+    assert set(profiles.LIKE.values()) <= there and not set(profiles.LIKE) & there
+    assert set(configs()) == there | set(profiles.LIKE)
 
 
 def test_a_gain_is_the_ratio_of_neighbouring_calls():
