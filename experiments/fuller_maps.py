@@ -58,6 +58,12 @@ def load(folder: Path, stored: Config, tasks: Sequence[str], changes: dict[str, 
     return replace(played, result=replace(played.result, experiment=experiment.with_config(config)))
 
 
+def lack(result: Result, tasks: Sequence[str]) -> bool:
+    """Whether some tasks speak of colours that the maps of the run, as it is played now, do not have."""
+    env = result.experiment.env
+    return isinstance(env, ZoneEnv) and bool(_lacking(env.config, tasks))
+
+
 def ready(result: Result, tasks: Sequence[str]) -> Played:
     """The run on maps that have all colours of some tasks: its own where they do, and else fuller ones.
 

@@ -66,7 +66,7 @@ def _main(texts: list[str]) -> int:
     _, stored = open_existing(arguments.run)
     compilation_cache.use(stored.run.compilation_cache)
     changes: dict[str, Any] = {} if arguments.plan is None else {"plan": arguments.plan}
-    result = train.load(arguments.run, **changes)
+    own = result = train.load(arguments.run, **changes)
     view = result.experiment.env.view()
     if arguments.gif is not None and view is None:
         raise UserError("--gif: the environment of this run has no view from above to draw")
@@ -75,8 +75,8 @@ def _main(texts: list[str]) -> int:
     failed = False
     for text in _lines():
         try:
-            maps = fuller_maps.ready(result, [text])
-            if maps.note:  # the formulas that follow are played there, too
+            if fuller_maps.lack(result, [text]):  # the formulas that follow are played on these maps, too
+                maps = fuller_maps.ready(own, [text])
                 print(f"note: {maps.note}", file=sys.stderr, flush=True)
                 result, view = maps.result, maps.result.experiment.env.view()
                 prompt = _warmed_up(Prompt(result, *given), result, " for these maps")

@@ -20,7 +20,13 @@ from experiments.reproduction.sections import (
     water_form,
     widths,
 )
-from experiments.reproduction.sections.ablation import PRINTED_WATER, ablation, printed_water
+from experiments.reproduction.sections.ablation import (
+    PRINTED_WATER,
+    PRINTED_ZONE,
+    ablation,
+    printed_water,
+    printed_zone,
+)
 from t2tl_jax.evaluation.comparisons import Pairs
 
 
@@ -163,8 +169,8 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "printed-zone": Item(
         "Progression and labels as printed, beside the default: ZoneEnv, `phi_zone_prime`, T2TL",
-        ("prime-own", "prime-progression-paper", "prime-labels-state"),
-        ablation(_with_each("prime-own", ("prime-progression-paper", "prime-labels-state")), "discounted_return"),
+        PRINTED_ZONE,
+        printed_zone,
         smoke=("prime-own", "prime-progression-paper"),
     ),
     "printed-water": Item(

@@ -58,8 +58,8 @@ class Certificates:
     batch: int
     """So many of them were played side by side."""
     own_maps: bool
-    """Whether each of them had a map of its own, so that the rates are those over all maps; else those of the
-    environment's maps for evaluation."""
+    """Whether each of them was given a map of its own, so that the rates are those over all maps; else those of the
+    environment's maps for evaluation, which are all maps only where a reset draws its own."""
     map_seconds: float
     """Until these maps were drawn, once for all tasks."""
     compile_seconds: float
@@ -167,7 +167,7 @@ def _certificate(counts: np.ndarray, episodes: int, intervals: int) -> Certifica
     )
 
 
-_ON_MAPS = {True: "Each episode has a map of its own", False: "On the maps that the environment keeps for evaluation"}
+_ON_MAPS = {True: "Each episode has a map of its own", False: "On the maps that the environment gives for evaluation"}
 
 
 def table(certificates: Certificates, met: RowsMet | None = None) -> str:

@@ -74,20 +74,25 @@ def test_of_a_long_list_of_formulas_three_are_shown(tmp_path):
     }
     times = {"episodes": 1000, "seconds": 7.0, "compile_seconds": 2.0, "map_seconds": 3.0, "own_maps": True}
     entry = {"where": where, "seed": 24, "policy": "sampled", "by_task": by_task} | times
-    both = [entry, entry | {"by_task": {"phi_zone": by_task["F a | F 0"]}, "episodes": 100_000}]
+    one = entry | {"by_task": {"phi_zone": by_task["F a | F 0"]}, "episodes": 100_000}
+    on_gpu = {"where": where | {"devices": ["a GPU"]}}
+    both = [entry, one | on_gpu | {"seconds": 90.0}, one | on_gpu]
     (run.path / "certificates.json").write_text(json.dumps({"certificates": both}))
     said = anycertified.certified({"any-walls": run})
     lines = [line.split(" | ")[1:5] for line in said.splitlines() if line.startswith("| any-walls | ")]
     assert [line[0] for line in lines] == [
         *(f"{which} of 7 formulas" for which in ("lowest", "middle", "highest")),
-        "phi_zone",
+        *["phi_zone"] * 2,
     ]
-    assert [line[3].split()[0] for line in lines] == ["0.50000", "0.70000", "0.99000", "0.90000"]
+    assert [line[3].split()[0] for line in lines] == ["0.50000", "0.70000", "0.99000", "0.90000", "0.90000"]
     assert "lowest `F a | F 1`, middle `F a | F 3`, highest `F a | F 4`; certificates.json has every one." in said
     assert set(anycertified.bounds(run)) == {*by_task, "phi_zone"}
     (aim,) = anycertified.in_time({"any-walls": run})
-    assert aim[1:] == ("under 60", "at most 12 (any-walls), maps and compiling included", "reached")
+    assert aim[1:] == ("under 60", "at most 95 (any-walls), maps and compiling included", "**not reached**")
     assert anycertified.in_time({}) == []
+    (run.path / "certificates.json").write_text(json.dumps({"certificates": [one, one | on_gpu]}))
+    (aim,) = anycertified.in_time({"any-walls": run})
+    assert aim[2:] == ("at most 12 (any-walls), maps and compiling included; on a CPU 12 (any-walls)", "reached")
 
 
 def test_all_formulas_of_small_families_are_certified():

@@ -90,6 +90,6 @@ def test_an_aim_for_large_tables_is_reached_where_no_kind_of_minibatch_is_slower
         (tmp_path / "tables_h200.json").write_text(json.dumps(content))
         return " ".join(arithmetic.tables(tmp_path).split())
 
-    assert "is reached here: 10,240 rows take 1.0 times as long (steps) and 1.1" in told(0.02, 0.02, 0.02, 0.0219)
+    assert "is reached here: 10,240 rows take 1.00 times as long (steps) and 1.09" in told(0.02, 0.02, 0.02, 0.0219)
     slower = told(0.02, 0.02, 0.02, 0.03)
     assert "**not reached** here" in slower and "| 64 | steps | 20.0 ms (20.0 ms, 20.0 ms) | - |" in slower

@@ -86,16 +86,18 @@ def test_one_task_with_another_colour_is_loaded_with_it(zones_run):
 
 @pytest.mark.slow
 def test_what_is_typed_may_bring_other_colours(zones_run, monkeypatch, capsys):
-    """Programs for the fuller maps are compiled before the formula that asks for them is timed."""
+    """Programs for the fuller maps are compiled before the formula that asks for them is timed. What is typed later and
+    needs other colours does not find the arena full of those before."""
     story, played = play._story, []
     monkeypatch.setattr(play, "_story", lambda one: played.append(one) or story(one))
-    monkeypatch.setattr("sys.stdin", io.StringIO("F Redd\nF Red\nF Redd\nF Blue\n"))
+    monkeypatch.setattr("sys.stdin", io.StringIO("F Redd\nF Red\nF Redd\nF Blue\nF(Cyan & F White)\n"))
     assert play.main([str(zones_run), "--episode-length", "3"]) == 2
     out, err = capsys.readouterr()
-    assert out.count("0  F Red\n") == out.count("0  F Blue\n") == 1
+    assert out.count("0  F Red\n") == out.count("0  F Blue\n") == out.count("0  F(Cyan & F White)\n") == 1
+    assert err.count("note: the maps of this run have no White or Cyan,") == 1 and "and each map has 12" in err
     assert err.count("note: the maps of this run have no Red,") == 1 and "(2 Red), and each map has 10" in err
-    assert [one.is_new_shape for one in played] == [False, False] and "programs compiled" not in out
-    assert err.count("compiling the programs ...") == err.count("compiling the programs for these maps ...") == 1
+    assert [one.is_new_shape for one in played] == [False] * 3 and "programs compiled" not in out
+    assert err.count("compiling the programs ...") == 1 and err.count("compiling the programs for these maps ...") == 2
     assert "maps ... ready; formulas over Blue, Green, Red, Yellow, Magenta" in err
     first, second = [line for line in err.splitlines() if "unknown" in line]
     assert "known: Blue, Green, Yellow, Magenta" in first and second.endswith('did you mean "Red"?')

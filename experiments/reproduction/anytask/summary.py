@@ -70,15 +70,15 @@ def prompt(results: Path) -> list[Aim]:
     slowest = max(max(of["action_ms"]) for of in found.values())
     late, counted = (sum(of[name] for of in found.values()) for name in ("late", "counted"))
     said = ", ".join(f"{median:.1f} ({run})" for run, median in medians.items())
-    held = f"{REACHED} by the median alone: {late} of {counted} formulas took longer, the slowest {slowest:.1f}"
-    if not late:
-        held = REACHED
+    held = REACHED
+    if late:
+        held = f"{MISSED} by every formula: {late} of {counted} took longer, the slowest {slowest:.1f}"
     return [
         (
             "milliseconds from a typed formula to the first action",
             f"under {aim:g}",
             f"median {said}",
-            held if max(medians.values()) < aim else MISSED,
+            held,
         )
     ]
 

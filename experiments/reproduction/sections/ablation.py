@@ -69,6 +69,9 @@ def ablation(
     return section
 
 
+PRINTED_ZONE = ("prime-own", "prime-progression-paper", "prime-labels-state")
+"""The default, and the printed progression and labels."""
+
 PRINTED_WATER = ("water-t1tl", again_name("water-t1tl"), "water-t1tl-labels-state")
 """The default, trained twice, and the labels as printed."""
 
@@ -77,19 +80,30 @@ def printed_water(runs: Mapping[str, Stored]) -> str:
     """The labels as printed in WaterWorld, against both trainings of the default, and which commits made them."""
     *defaults, printed = PRINTED_WATER
     compared = ablation([(default, printed) for default in defaults], "success_rate")(runs)
-    return "\n\n".join(part for part in (compared, _commits(runs)) if part)
+    once = (
+        f"{printed} was trained once, so that the two differences are not independent of each other."
+        if commits(runs)
+        else ""
+    )
+    return "\n\n".join(part for part in (compared, " ".join((commits(runs), once)).strip()) if part)
 
 
-def _commits(runs: Mapping[str, Stored]) -> str:
+def printed_zone(runs: Mapping[str, Stored]) -> str:
+    """`printed-zone`: the printed progression and labels beside the default, and the commits that made the runs."""
+    default, *printed = PRINTED_ZONE
+    compared = ablation([(default, one) for one in printed], "discounted_return")(runs)
+    return "\n\n".join(part for part in (compared, commits(runs)) if part)
+
+
+def commits(runs: Mapping[str, Stored]) -> str:
     """Which commit made each run; '' where it is the same."""
-    commits = {name: commit(run.versions) for name, run in runs.items()}
-    if len(set(commits.values())) < 2:
+    made = {name: commit(run.versions) for name, run in runs.items()}
+    if len(set(made.values())) < 2:
         return ""
-    each = ", ".join(f"{name} of {made}" for name, made in commits.items())
+    each = ", ".join(f"{name} of {of}" for name, of in made.items())
     return (
         f"These runs are not of one commit: {each}. Each encoder was pre-trained anew. What the program changed "
-        "between the commits is in the differences too, and is not told apart from what the labels change. "
-        f"{PRINTED_WATER[-1]} was trained once, so that the two differences are not independent of each other."
+        "between the commits is in the differences too, and is not told apart from what is compared."
     )
 
 

@@ -84,24 +84,24 @@ def bounds(run: Stored) -> dict[str, Bounds]:
 
 
 def in_time(runs: Mapping[str, Stored]) -> list[tuple[str, str, str, str]]:
-    """Whether a certificate of one formula took no longer than it may, in the run where it took longest: playing, maps
-    and compiling together."""
-    took = {
-        name: made["seconds"] / len(made["by_task"]) + made.get("map_seconds", 0.0) + made["compile_seconds"]
-        for name in RUNS
-        if name in runs
-        for made in certificates(runs[name])
-        if made["episodes"] >= tested.CERTIFICATE_EPISODES
-    }
-    if not took:
+    """Whether a certificate of one formula took no longer than it may, playing, maps and compiling together, in the run
+    where it took longest on a GPU; and what the longest on a CPU took, of which nothing is asked."""
+    took: dict[bool, list[tuple[float, str]]] = {True: [], False: []}
+    for name in RUNS:
+        for made in certificates(runs[name]) if name in runs else []:
+            if made["episodes"] >= tested.CERTIFICATE_EPISODES:
+                each = made["seconds"] / len(made["by_task"]) + made.get("map_seconds", 0.0) + made["compile_seconds"]
+                took[set(made.get("where", {}).get("devices", [])) != {"cpu"}].append((each, name))
+    if not took[True]:
         return []
-    slowest = max(took, key=took.__getitem__)
+    (seconds, run), on_cpu = max(took[True]), max(took[False], default=None)
+    also = "" if on_cpu is None else f"; on a CPU {on_cpu[0]:.0f} ({on_cpu[1]})"
     return [
         (
-            f"seconds, a certificate of one formula by {tested.CERTIFICATE_EPISODES:,} episodes",
+            f"seconds, a certificate of one formula by {tested.CERTIFICATE_EPISODES:,} episodes, on a GPU",
             f"under {MOST_SECONDS:g}",
-            f"at most {took[slowest]:.0f} ({slowest}), maps and compiling included",
-            "reached" if took[slowest] < MOST_SECONDS else "**not reached**",
+            f"at most {seconds:.0f} ({run}), maps and compiling included{also}",
+            "reached" if seconds < MOST_SECONDS else "**not reached**",
         )
     ]
 

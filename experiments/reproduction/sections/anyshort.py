@@ -50,7 +50,7 @@ def in_short(runs: Mapping[str, Stored]) -> str:
         f"(DeepLTL: {theirs('DeepLTL')}; GenZ-LTL, played by us, not stored: {theirs('GenZ-LTL')});",
         f"weakest of {len(hard)} harder: {weakest}, {means[weakest]:.3f}, worst seed",
         f"{float(np.nanmin(rates[weakest])):.3f} (GenZ-LTL {genz:.3f});",
-        *([f"six of up to ten colours: {min(coloured):.2f} to {max(coloured):.2f};"] if coloured else []),
+        *([f"six colours, maps of six to ten: {min(coloured):.2f} to {max(coloured):.2f};"] if coloured else []),
         f"twelve discs in turn: {means['reach_12']:.2f}.",
         *_strictly(runs),
         f"{len(run.seeds)} seeds, {run.frames / 1e6:.0f} M frames: {run.train_seconds:.0f} s +",

@@ -28,13 +28,14 @@ OPEN = "Where the last of these curves is still below the published one, why is 
 
 SHOWN = """\
 So from 1,000 episodes on, more updates and less exploration take away most of the distance: `short-exploration` is
-above the published means from 1,500 on with each of these windows, and at 1,000 with all but the longest. At 500 they
-are not enough with the longest window, and a short window is not enough without them: there the default and `per-16`
-are below with each. Both together are enough: with windows of 50 and 100 `short-exploration` is below at none of these
-marks. So the window is enough to explain what updates and exploration leave. That it does is not shown: if the
-published window is 500 or longer, the rest is open. How many updates, how much exploration and which window the
-published curves had is not published, nor what exactly was averaged, so that the measure itself may be another one. The
-window of 500 is that of all other returns by episode here; the others were looked at after the results were known."""
+above the published means from 1,500 on with each of these windows, and at 1,000 with all of them for rm and with all
+but the longest for T1TL. At 500 they are not enough with the longest window, and a short window is not enough without
+them: there the default and `per-16` are below with each. With both, windows of 50 and 100 and `short-exploration`,
+T1TL is level at 500 and above from 1,000 on, and rm is above at each mark. So the window can explain what updates and
+exploration leave. That it does is not shown: if the published window is 500 or longer, the rest is open. How many
+updates, how much exploration and which window the published curves had is not published, nor what exactly was
+averaged, so that the measure itself may be another one. The window of 500 is that of all other returns by episode
+here; the others were looked at after the results were known."""
 
 
 def by_window(runs: Mapping[str, Stored], published: Published) -> str:
