@@ -27,6 +27,7 @@ STEPS = {
 
 
 LIKE = {
+    "zone_ppo_published": "zone_ppo",
     "rm_water_crm_shaped": "rm_water_crm",
     "rm_water_ql_shaped": "rm_water_ql",
     "rm_water_parallel": "rm_water_crm",
@@ -60,7 +61,7 @@ def _profiled(stored: Mapping[str, Any], file: Path) -> str:
         profiler, times of as many without it. The floor of a part is the greater of its arithmetic at
         {peaks["gigaflops"]:,.0f} GFLOP/s and of the bytes that go in and out at {peaks["gigabytes"]:,.0f} GB/s, which
         large products and copies reach on the same device."""
-    parts = [paragraph(said)]
+    parts = [paragraph(f"{said} {stored.get('note', '')}")]
     for name, of in stored["profiles"].items():
         rate = of["frames"] / of["seconds"]
         seeds = f"{of['seeds']} seed{'s' * (of['seeds'] > 1)}"

@@ -51,11 +51,11 @@ def in_short(runs: Mapping[str, Stored]) -> str:
         f"weakest of {len(hard)} harder: {weakest}, {means[weakest]:.3f}, worst seed",
         f"{float(np.nanmin(rates[weakest])):.3f} (GenZ-LTL {genz:.3f});",
         *([f"six colours, maps of six to ten: {min(coloured):.2f} to {max(coloured):.2f};"] if coloured else []),
-        f"twelve discs in turn: {means['reach_12']:.2f}.",
+        f"twelve in turn: {means['reach_12']:.2f}.",
         *_strictly(runs),
         f"{len(run.seeds)} seeds, {run.frames / 1e6:.0f} M frames: {run.train_seconds:.0f} s +",
         f"{run.compile_seconds:.0f} s of compiling, one {hardware}, {alone}.",
-        f"Codes through one layer, on both sets: {_of_codes(runs)}.*",
+        f"Codes through one layer, on both: {_of_codes(runs)}.*",
     )
     return " ".join(parts)
 
