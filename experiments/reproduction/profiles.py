@@ -27,6 +27,7 @@ STEPS = {
 
 
 LIKE = {
+    "zone_ppo_closed_form": "zone_ppo",
     "zone_ppo_published": "zone_ppo",
     "rm_water_crm_shaped": "rm_water_crm",
     "rm_water_ql_shaped": "rm_water_ql",
@@ -34,7 +35,7 @@ LIKE = {
     "pretrain_zone_published": "pretrain_zone",
     "pretrain_water": "pretrain_zone",
 }
-"""Configurations that are not profiled, by the one whose program has the same parts."""
+"""Configurations that are not profiled by their name, by the one whose program has the same parts."""
 
 
 def profiles(results: Path) -> str:
@@ -44,8 +45,8 @@ def profiles(results: Path) -> str:
         return "Not measured yet."
     like = "; ".join(f"`{one}` like `{other}`" for one, other in LIKE.items())
     said = f"""
-        Not profiled are these configurations, whose programs have the same parts as another, in other sizes or numbers:
-        {like}."""
+        Not profiled by their names are these configurations, whose programs have the same parts as another, in other
+        sizes or numbers: {like}."""
     return "\n\n".join([*(_profiled(read_json(file), file) for file in files), paragraph(said)])
 
 
