@@ -3,14 +3,10 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from experiments.benchmarks import measured
 from experiments.reproduction.page import origin, paragraph, table
-from experiments.reproduction.profiles import FILES as PROFILES
 from experiments.reproduction.scaling import in_time
-from experiments.reproduction.stored import DATA
-from t2tl_jax.runs import provenance
 from t2tl_jax.runs.folder import read_json
 
 T1TL, T2TL = "zone_ppo_long:t1tl", "zone_ppo_long:t2tl"
@@ -74,37 +70,36 @@ STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 """Of `experiments.benchmarks.starts`, among the results; and of the same and a benchmark under
 ``XLA_FLAGS=--xla_gpu_enable_triton_gemm=false``."""
 
-NOTE = """Frames/s are those of the newest benchmark. An aim for compiling or starting is reached where every benchmark
-and every start that is stored is within it, since they vary with the processor of the host and what else it does.
-Compiling does not count tracing, which the tables above show beside it. Trainings that began beside others on a GPU
-compiled for up to several times as long; their seconds are on the page of [results](results.md). A start is a whole
-process that trains for one iteration, without pre-training (`python -m experiments.benchmarks.starts`). Most of a
-second one is loading Python's modules and tracing. JAX's cache holds compiled programs only. In a trial on a CPU, which
-is not stored, the traced program of T1TL was written by `jax.export` and was ready again after 0.6 s, where tracing
-takes 7 s. That is not built: a stored program must be tied to every file and setting that it depends on, or it is the
-wrong one after a change, and it needs one package more."""
+NOTE = """Frames/s are those of the newest benchmark. An aim for compiling or starting is reached where every
+benchmark and every start that is stored is within it, since they vary with the processor of the host and what else
+it does. Compiling does not count tracing, which the tables above show beside it. Trainings that began beside others
+on a GPU compiled for longer; their seconds are on the page of [results](results.md). A start is a whole process that
+trains for one iteration, without pre-training (`python -m experiments.benchmarks.starts`). Most of a second one is
+loading Python's modules and tracing. JAX's cache holds compiled programs only. A traced one can be written by
+`jax.export` and read again in a fraction of the time, as a trial on a CPU showed, of which no figures are stored.
+That is not built: a stored program must be tied to every file and setting that it depends on, or it is the wrong one
+after a change, and it needs one package more."""
 
 LAYERS = """Most of T1TL's compiling is the choice of a kernel for each of about a hundred matrix products, most of them
 of the task's Transformer, whose four layers are written out. Layers in a loop halve the products. On a CPU they compile
-and run slower; on an H200 `zone_ppo_long:t1tl` compiled in 21.4 instead of 23.4 s and made 5,110,000 instead of
-5,560,000 frames/s, one after the other on the same GPU, in a trial that is not stored. Fewer candidates for each
-product saved little and made training a third slower, in trials that are not stored either."""
+and run slower; on an H200 they compiled a little sooner and trained slower. Fewer candidates for each product saved
+little and made training a third slower. Figures of these trials are not stored."""
 
 
 def aims(results: Path) -> str:
     """Every aim that something stored decides, from files of clean commits; see `NOTE`."""
-    stored = [(where, rows) for where, rows in in_time(results) if not provenance.modified(where, DATA)]
+    stored = [(where, rows) for where, rows in in_time(results) if not where.get("git_modified")]
     found: dict[Key, list[measured.Row]] = {}
     for where, rows in stored:
         for row in rows:
             if row.part == "training":
-                found.setdefault(_key_of(where, row), []).append(row)
+                found.setdefault((tuple(where["devices"]), row.what, row.size), []).append(row)
     begun = _started(results)
     lines = [line for aim in AIMS for line in _lines(aim, found.get(_key(aim), []), begun.get(_key(aim), []))]
     if not lines:
         return "Not measured yet."
     shown = table(("what", "size", "hardware", "aim", "measured", ""), lines)
-    notes = [NOTE, *_dqn(found), *_later_profiles(results, stored)]
+    notes = [NOTE, *_dqn(found)]
     files = {file.name: read_json(file) for file in sorted(results.glob(STARTS))}
     told = [f"{name}: {of[word]}" for name, of in files.items() for word in ("beside", "note") if word in of]
     starts = [*told, *([origin([of["where"] for of in files.values()])] if files else [])]
@@ -119,9 +114,6 @@ def aims(results: Path) -> str:
 Key = tuple[tuple[str, ...], str, str]
 """Devices, training and number of seeds."""
 
-Benchmark = tuple[Mapping[str, Any], Sequence[measured.Row]]
-"""Where it was measured, and its rows."""
-
 Starts = Mapping[str, Mapping[str, float]]
 """The first and the second start of a training, as `experiments.benchmarks.starts` stores them."""
 
@@ -130,15 +122,11 @@ def _key(aim: Aim) -> Key:
     return aim.devices, aim.what, aim.size
 
 
-def _key_of(where: Mapping[str, Any], row: measured.Row) -> Key:
-    return tuple(where["devices"]), row.what, row.size
-
-
 def _started(results: Path, pattern: str = STARTS) -> dict[Key, list[Starts]]:
     found: dict[Key, list[Starts]] = {}
     for file in sorted(results.glob(pattern)):
         stored = read_json(file)
-        if not provenance.modified(stored["where"], DATA):
+        if not stored["where"].get("git_modified"):
             for what, starts in stored["starts"].items():
                 key = tuple(stored["where"]["devices"]), what, f"{stored['settings']['seeds']} seeds"
                 found.setdefault(key, []).append(starts)
@@ -173,44 +161,19 @@ def _lines(aim: Aim, rows: list[measured.Row], begun: list[Starts]) -> Iterator[
 
 def _dqn(found: Mapping[Key, Sequence[measured.Row]]) -> list[str]:
     """What the aim of DQN compares with: it was set before the configuration made fewer gradient steps."""
-    rows = {what: found.get((H200, f"waterworld_dqn:{what}", TWELVE), []) for what in ("t1tl", "t2tl")}
-    if not rows["t1tl"]:
+    t1tl, t2tl = (found.get((H200, f"waterworld_dqn:{method}", TWELVE), []) for method in ("t1tl", "t2tl"))
+    if not t1tl:
         return []
-    rate = rows["t1tl"][-1].rate
-    others = (
-        f" T2TL makes {measured.three_digits(of[-1].rate)} frames/s."
-        for of in (rows["t2tl"],)
-        if of and of[-1].rate < DQN_AIM
-    )
+    rate = t1tl[-1].rate
+    other = f" T2TL makes {measured.three_digits(t2tl[-1].rate)} frames/s." if t2tl else ""
     return [
         f"The aim of DQN was set when `waterworld_dqn` made a gradient step of {THEN.transitions} transitions for each "
         f"{THEN.frames} frames, and {THEN.rate:,} frames/s with a one-hot code on a GPU that was shared. Now it makes "
         f"one of {NOW.transitions:,} for each {NOW.frames} frames, an eighth of the steps: "
         f"{measured.three_digits(rate)} frames/s are {measured.three_digits(rate / NOW.frames)} gradient steps/s, of "
         f"twice as many transitions as the {measured.three_digits(THEN.rate / THEN.frames)} of then. So it is the "
-        f"change of the configuration that reaches the aim; what the settings of then would make was not measured."
-        f"{''.join(others)}"
+        f"change of the configuration that reaches the aim; what those of then would make was not measured.{other}"
     ]
-
-
-def _later_profiles(results: Path, stored: Sequence[Benchmark]) -> list[str]:
-    """What trainings with an aim made when they were profiled after their newest benchmark."""
-    newest = {
-        _key_of(where, row): where.get("time", "") for where, rows in stored for row in rows if row.part == "training"
-    }
-    said = []
-    for file in sorted(results.glob(PROFILES)):
-        content = read_json(file)
-        where = content["where"]
-        for what, of in content["profiles"].items():
-            key = tuple(where["devices"]), what, f"{of['seeds']} seed{'s' * (of['seeds'] > 1)}"
-            if key in {_key(aim) for aim in AIMS if aim.least} and where.get("time", "") > newest.get(key, ""):
-                rates = [measured.three_digits(of["frames"] / of[which]) for which in ("seconds", "slowest", "fastest")]
-                said.append(
-                    f"`{what}`, {key[2]}, made {rates[0]} frames/s ({rates[1]}, {rates[2]}) when profiled later, "
-                    f"at commit {where['git_revision'][:7]}."
-                )
-    return said
 
 
 def _without_triton(results: Path, found: Mapping[Key, list[measured.Row]], begun: Mapping[Key, list[Starts]]) -> str:

@@ -8,8 +8,6 @@ from typing import Any
 from experiments.benchmarks import measured
 from experiments.benchmarks.measured import three_digits
 from experiments.reproduction.page import origin, paragraph, table
-from experiments.reproduction.stored import DATA
-from t2tl_jax.runs import provenance
 
 AIM_OF_SEEDS, AIM_OF_ONE_SEED = 1.9, 1.7
 """So many times the frames/s of one device are aimed at for two; nothing was set for other numbers."""
@@ -143,7 +141,7 @@ def _setting(where: Mapping[str, Any]) -> Setting | None:
     """None where devices differ or the tree differed from its commit, and for a processor, whose cores share more than
     they have of their own."""
     kinds, commit = set(where["devices"]), where.get("git_revision")
-    if len(kinds) != 1 or "cpu" in kinds or not commit or provenance.modified(where, DATA):
+    if len(kinds) != 1 or "cpu" in kinds or not commit or where.get("git_modified"):
         return None
     return Setting(kinds.pop(), commit, where["packages"]["jax"])
 

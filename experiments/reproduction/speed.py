@@ -15,8 +15,7 @@ from experiments.reproduction.runs import again_name
 from experiments.reproduction.scaling import in_time
 from experiments.reproduction.sections import figures
 from experiments.reproduction.sections.ablation import EVERY
-from experiments.reproduction.stored import DATA, Stored
-from t2tl_jax.runs import provenance
+from experiments.reproduction.stored import Stored
 from t2tl_jax.runs.folder import read_json
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
 
@@ -390,7 +389,7 @@ def trainings(results: Path) -> list[tuple[str, str, str]]:
     """
     found: dict[tuple[str, ...], dict[tuple[str, str], str]] = {}
     for where, rows in in_time(results):
-        if len(where["devices"]) == 1 and not provenance.modified(where, DATA):
+        if len(where["devices"]) == 1 and not where.get("git_modified"):
             setting = (where["devices"][0].replace("NVIDIA ", ""), where["packages"]["jax"])
             of_trainings = [row for row in rows if row.part == "training"]
             rates = found.pop(setting, {})  # to the end, where the newest stand
@@ -424,7 +423,7 @@ def largest(results: Path) -> list[tuple[str, str, str]]:
     shown: list[tuple[str, str, str]] = []
     most = 0
     for where, rows in in_time(results):
-        if len(where["devices"]) > 1 or provenance.modified(where, DATA):
+        if len(where["devices"]) > 1 or where.get("git_modified"):
             continue
         rates = {(row.size, row.what): row.rate for row in rows if row.part == "environments"}
         complete = [size for size in {size for size, _ in rates} if all((size, of) in rates for of in WORLDS)]

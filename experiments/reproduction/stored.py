@@ -16,7 +16,7 @@ from experiments.fairness import Sizes, sizes
 from experiments.reproduction.portable import portable
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.statistics import Estimate, rate
-from t2tl_jax.runs import config_files, params_file, provenance, train
+from t2tl_jax.runs import config_files, params_file, train
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.metrics_file import area, as_curves, ending, read_columns, write_compressed
@@ -164,24 +164,16 @@ def last_ones(iterations: int) -> int:
     return max(1, round(LAST * iterations))
 
 
-DATA = "results/"
-"""Where results lie in the tree. Programs that are timed read none of them."""
-
-
-def unclean(session: Mapping[str, Any], data: str = "") -> str:
-    """Why nobody can make again what a session made, by what it stored of its versions; '' if they can.
-
-    Args:
-        session: versions, as a session of a run or a measurement stored them.
-        data: a folder whose files do not count, see `provenance.modified`.
-    """
+def unclean(session: Mapping[str, Any]) -> str:
+    """Why nobody can make again what a session made, by what it stored of its versions; '' if they can."""
     if not session.get("git_revision"):
         return "its commit is not known"
-    modified = provenance.modified(session, data)
-    if modified is None:
+    if session.get("git_modified") is None:
         return "whether its tree differed from its commit is not known"
     changed = ", ".join(session.get("git_changed", [])[:3]) or "some files"
-    return f"its tree differed from commit {session['git_revision'][:7]} in {changed}" if modified else ""
+    return (
+        f"its tree differed from commit {session['git_revision'][:7]} in {changed}" if session["git_modified"] else ""
+    )
 
 
 def load(root: Path) -> dict[str, Stored]:

@@ -3,7 +3,7 @@
 import os
 import platform
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
@@ -13,7 +13,6 @@ from typing import Any
 import jax
 
 from t2tl_jax.runs import source_tree
-from t2tl_jax.runs.source_tree import MOST_CHANGES
 
 PACKAGES = (
     "t2tl_jax",
@@ -50,20 +49,6 @@ def describe(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         "matmul_precision": jax.config.jax_default_matmul_precision,  # type: ignore[attr-defined]  # jax 0.9
         "xla_flags": os.environ.get("XLA_FLAGS", ""),
     }
-
-
-def modified(where: Mapping[str, Any], data: str = "") -> bool | None:
-    """Whether a tree differed from its commit, by what `describe` said of it; None if that is unknown.
-
-    Args:
-        where: what `describe` returned.
-        data: a folder, such as ``results/``, whose files do not count; '' for none. Measurements of speed read no
-            results, so that with others in the tree it is the same program that is timed.
-    """
-    changed = where.get("git_changed", [])
-    if not data or not where.get("git_modified") or not changed or len(changed) >= MOST_CHANGES:
-        return where.get("git_modified")
-    return any(not name.startswith(data) for name in changed)
 
 
 @cache

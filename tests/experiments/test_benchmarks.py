@@ -158,3 +158,13 @@ def test_what_is_measured_so_far_lies_beside_the_file_until_all_is_there(tmp_pat
     content = json.loads(arguments.json.read_text())
     assert content["found"] == [1, 2] and content["settings"] == {} and not beside.exists()
     assert content["where"]["command"] == ["python", "-m", "x", "--json", "x.json"]
+
+
+def test_the_tree_is_told_as_it_was_at_the_beginning(tmp_path, monkeypatch):
+    """Other commands may store results in it meanwhile."""
+    trees = iter([{"git_modified": False}, {"git_modified": True}])
+    monkeypatch.setattr(json_file.source_tree, "describe", lambda: next(trees))
+    json_file._tree.cache_clear()
+    json_file.check(tmp_path / "a.json")
+    assert json_file.where(["a command"])["git_modified"] is False
+    json_file._tree.cache_clear()  # which other tests look up again

@@ -75,21 +75,6 @@ def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, v
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["versions.json"]
 
 
-@pytest.mark.parametrize(
-    ("changed", "counts"),
-    [
-        (["results/a.json"], False),
-        (["results/a.json", "b.py"], True),
-        (["results.py"], True),
-        ([], True),  # by a version that did not name them
-        (["results/a.json"] * 100, True),  # more are not named
-    ],
-)
-def test_other_results_make_no_difference_to_what_is_timed(changed, counts):
-    session = {"git_revision": "abc", "git_modified": True, "git_changed": changed}
-    assert bool(stored.unclean(session, stored.DATA)) is counts and stored.unclean(session)
-
-
 def test_results_of_commits_that_nobody_could_look_up_are_not_kept(source, tmp_path, repository, monkeypatch):
     def kept(revision):
         made_from(source, revision)

@@ -7,28 +7,26 @@ from pathlib import Path
 import pytest
 
 from experiments.reproduction.sections.anycertified import certificates
-from experiments.reproduction.stored import DATA, Stored, unclean
+from experiments.reproduction.stored import Stored, unclean
 from t2tl_jax.runs.folder import RunFolder
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
 RUNS = sorted({path.parent for path in RESULTS.rglob("*") if path.is_file() and path.parent != RESULTS})
 BENCHMARKS = sorted(RESULTS.glob("*.json"))
-READ_RESULTS = ("plans.json", "prompt.json", "removal.json")
-"""Measurements that play stored agents."""
 
 
 def sessions():
     """Of every session of a stored run, of certificates made of it afterwards, and of every benchmark: its folder or
-    file, its versions, and the folder in which changes make no difference to it."""
+    file, and its versions."""
     for path in RUNS:
         versions = json.loads((path / "versions.json").read_text(encoding="utf-8"))
         for session in (versions["started"], *versions.get("resumed", [])):
-            yield path, session, ""
+            yield path, session
         for made in certificates(Stored(path)):
-            yield RunFolder(path).certificates, made["where"], ""
+            yield RunFolder(path).certificates, made["where"]
     for file in BENCHMARKS:
-        yield file, json.loads(file.read_text(encoding="utf-8"))["where"], "" if file.name in READ_RESULTS else DATA
+        yield file, json.loads(file.read_text(encoding="utf-8"))["where"]
 
 
 def git(*words):
@@ -46,8 +44,7 @@ def test_every_run_has_its_versions():
 
 
 def test_everything_was_made_from_a_tree_without_changes():
-    """But for other results beside measurements of speed, which read none."""
-    assert {str(path): unclean(made, data) for path, made, data in sessions() if unclean(made, data)} == {}
+    assert {str(path): unclean(made) for path, made in sessions() if unclean(made)} == {}
 
 
 def test_the_commits_are_of_this_history():
@@ -55,7 +52,7 @@ def test_the_commits_are_of_this_history():
         pytest.skip("not a git checkout, so there is no history to look into")
     shallow = git("rev-parse", "--is-shallow-repository").stdout.strip() == "true"
     foreign, missing = set(), set()
-    for path, made, _ in sessions():
+    for path, made in sessions():
         revision = made["git_revision"]
         if git("cat-file", "-e", f"{revision}^{{commit}}").returncode and shallow:
             missing.add(revision)
