@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import arithmetic, beside, profiles, room, speed, stored, survival, typed
+from experiments.reproduction import arithmetic, beside, profiles, room, speed, stored, survival, typed, whole_paper
 from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
@@ -97,8 +97,8 @@ def documentation(root: Path) -> Documentation:
         "docs/performance.md": {
             "trainings": speed.everything(results),
             "aims": aims(results),
-            "whole": speed.whole(paper),
-            "smoke": speed.smoke(results),
+            "whole": whole_paper.whole(paper),
+            "smoke": whole_paper.smoke(results),
             "profiles": profiles.profiles(results),
             "gains": profiles.gains(results),
             "scaling": scaling(results),

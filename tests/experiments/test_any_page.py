@@ -17,8 +17,17 @@ from experiments.reproduction.anytask import met, picture, suites, terms, tested
 from experiments.reproduction.changed import changed
 from experiments.reproduction.plan import Run
 from experiments.reproduction.runs import all_runs
-from experiments.reproduction.sections import anyalone, anycertified, anycodes, anymemory, anytask, anyunread
-from experiments.reproduction.sections.anytask import Bar
+from experiments.reproduction.sections import (
+    anyaims,
+    anyalone,
+    anycertified,
+    anycodes,
+    anyfigures,
+    anymemory,
+    anytask,
+    anyunread,
+)
+from experiments.reproduction.sections.anyaims import Bar
 from experiments.reproduction.sections.figures import found_or_not
 from t2tl_jax.evaluation.statistics import exact_rate
 from t2tl_jax.ltl import compile_tasks, resolve_tasks
@@ -76,13 +85,13 @@ def test_bars_are_reached_or_not():
     of = {"a": figures((1.0, 0.9)), "b": figures((0.98, 0.98))}
 
     def said(**bar):
-        return cells(anytask.verdicts(of, [Bar("x", ("a", "b"), **bar)]))["x"][-2:]
+        return cells(anyaims.verdicts(of, [Bar("x", ("a", "b"), **bar)]))["x"][-2:]
 
     assert said(least=0.5)[1] == "reached" and said(least=0.97)[1] == "**not reached**"
     assert said(least=0.2, over="task") == ["0.950 (a); worst seed and formula 0.900", "reached"]
     assert said(least=0.95, over="worst") == ["0.900 (a)", "**not reached**"]
     assert said(most=150, figure="success_length")[1] == "reached"
-    assert anytask.verdicts(of, [Bar("x", ("a", "c"), least=0.1)]) == ""
+    assert anyaims.verdicts(of, [Bar("x", ("a", "c"), least=0.1)]) == ""
 
 
 def rates(*by_seed):
@@ -97,7 +106,7 @@ def test_a_mean_that_reaches_the_bar_is_doubted_by_intervals_and_certificates():
     bar = {"a": Bar("x", ("a",), least=0.99), "b": Bar("x", ("b",), least=0.99)}
 
     def said(bar, **certified):
-        (aim,) = anytask.aims(of, [bar], certified)
+        (aim,) = anyaims.aims(of, [bar], certified)
         return aim[-1]
 
     doubt = "reached by the mean alone: the interval over seeds includes the bar"
@@ -116,7 +125,7 @@ def test_a_mean_that_reaches_the_bar_is_doubted_by_intervals_and_certificates():
 def test_where_other_formulas_may_miss_the_bar_it_is_said():
     """The formulas differ more than the seeds."""
     of = {"a": rates(0.9, 0.91, 0.9), "b": rates(0.5, 0.51, 0.5)}
-    (aim,) = anytask.aims(of, [Bar("x", ("a", "b"), least=0.6)])
+    (aim,) = anyaims.aims(of, [Bar("x", ("a", "b"), least=0.6)])
     assert aim[-1] == "reached for these formulas; the interval for others of their kind includes the bar"
 
 
@@ -230,7 +239,7 @@ def test_what_was_met_of_every_level_is_said_once_where_trainings_agree(tmp_path
     def made(name, **more):
         run = write(tmp_path / name, config, seeds=(76, 77))
         renamed = dict.fromkeys(suites.ZONE_Z, "1/2") | dict.fromkeys(suites.ZONE_WIDE, "9/9") | more
-        renamed[anytask.OWN] = "3/4"
+        renamed[anyfigures.OWN] = "3/4"
         (run.path / met.FILE).write_text(json.dumps({"exactly": {}, "renamed": renamed, "rows": {}}))
         return run
 

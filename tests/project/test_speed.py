@@ -10,7 +10,7 @@ import pytest
 
 import experiments.configs  # noqa: F401, registers configurations
 from experiments.benchmarks import measured
-from experiments.reproduction import aims, scaling, speed, stored
+from experiments.reproduction import aims, scaling, speed, stored, whole_paper
 from experiments.reproduction.items import ITEMS
 from experiments.reproduction.page import origin
 from t2tl_jax.registry import named_config
@@ -274,10 +274,10 @@ def test_the_time_of_all_runs_is_that_of_gpus_which_they_shared():
 
     # Three at once on two GPUs for two minutes, then one more minute of one; and two at once on a host with one.
     runs = {"a": run(0, 60), "b": run(0, 60), "c": run(0, 120), "d": run(30, 240, 16), "e": run(30, 60, 16)}
-    assert speed.gpu_minutes(list(runs.values())) == 2 * 2 + 1 + 5
-    text = " ".join(speed.whole(runs | {"codes": SimpleNamespace(status={})}).split())
+    assert whole_paper.gpu_minutes(list(runs.values())) == 2 * 2 + 1 + 5
+    text = " ".join(whole_paper.whole(runs | {"codes": SimpleNamespace(status={})}).split())
     assert "All 5 runs: 9 minutes of training and 5 of compiling" in text and "busy for 10 minutes" in text
-    assert text.endswith("in minutes: d 4, c 2, a 1, b 1, e 1.") and speed.whole({}) == ""
+    assert text.endswith("in minutes: d 4, c 2, a 1, b 1, e 1.") and whole_paper.whole({}) == ""
 
 
 def test_where_the_minutes_are_is_counted_without_repetitions_and_without_updates_at_every_step():
@@ -292,34 +292,34 @@ def test_where_the_minutes_are_is_counted_without_repetitions_and_without_update
         return SimpleNamespace(versions=versions, train_seconds=60 * minutes, compile_seconds=0, status={})
 
     runs = {name: run(day, minutes) for day, (name, minutes) in enumerate(names.items())}
-    said = speed.where_the_minutes_are(runs)
+    said = whole_paper.where_the_minutes_are(runs)
     assert "the 1 of that benchmark 60 minutes, with the others" in said and "(2 in all) 90; the 5 without" in said
     assert "pieces of the published program 199; of these the 3 that do not" in said
     assert said.endswith(" 109, which is 19 above the aim. So it is mainly the updates at every step that keep it from "
                          "the aim.")  # fmt: skip
     runs["water-rm"] = run(2, 50)
-    assert "which is within the aim. So it is" in speed.where_the_minutes_are(runs)
+    assert "which is within the aim. So it is" in whole_paper.where_the_minutes_are(runs)
     runs["rm-ql"], runs["water-rm-every-step"] = run(0, 10), run(1, 10)
-    assert speed.where_the_minutes_are(runs).endswith("which is within the aim.")
-    assert speed.where_the_minutes_are({"water-rm": runs["water-rm"]}) == ""
+    assert whole_paper.where_the_minutes_are(runs).endswith("which is within the aim.")
+    assert whole_paper.where_the_minutes_are({"water-rm": runs["water-rm"]}) == ""
 
 
 def test_the_minutes_of_the_stored_runs_are_told_apart():
     """An update at every step is what takes long: without it the paper is near its aim."""
-    said = " ".join(speed.whole(stored.load(RESULTS / "paper")).split())
+    said = " ".join(whole_paper.whole(stored.load(RESULTS / "paper")).split())
     assert "the 9 of that benchmark" in said and "make an update after every step (11 in all)" in said
 
 
 def test_the_stored_smoke_test_is_of_all_items():
     """Measured again where items were added: ``experiments.reproduce --scale smoke``, whose time.json is stored."""
-    assert json.loads((RESULTS / speed.SMOKE).read_text(encoding="utf-8"))["items"] == len(ITEMS)
+    assert json.loads((RESULTS / whole_paper.SMOKE).read_text(encoding="utf-8"))["items"] == len(ITEMS)
 
 
 def test_the_time_of_the_smoke_test_is_that_of_a_stored_one(tmp_path):
-    assert speed.smoke(tmp_path) == "Not measured yet."
+    assert whole_paper.smoke(tmp_path) == "Not measured yet."
     where = {"command": ["python", "-m", "experiments.reproduce"], "devices": ["cpu"] * 2, "git_revision": "b" * 40}
     stored = {"where": where, "seconds": 600.0, "items": 27, "runs": 35}
-    (tmp_path / speed.SMOKE).write_text(json.dumps(stored))
-    said = " ".join(speed.smoke(tmp_path).split())
+    (tmp_path / whole_paper.SMOKE).write_text(json.dumps(stored))
+    said = " ".join(whole_paper.smoke(tmp_path).split())
     assert "all 27 items (`python -m experiments.reproduce`), which trains 35 runs" in said
     assert "10.0 minutes" in said and "bbbbbbb" in said

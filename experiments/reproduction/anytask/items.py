@@ -6,7 +6,7 @@ from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
 from experiments.reproduction.anytask.runs import LEARNED, MEMORIES, MERGED, TEXTS, WITHOUT_PARAMETERS
 from experiments.reproduction.plan import Item
-from experiments.reproduction.sections import anyalone, anycertified, anycodes, anymemory, anystrict, anytask
+from experiments.reproduction.sections import anyaims, anyalone, anycertified, anycodes, anymemory, anystrict, anytask
 
 GROUP = "any"
 """What ``--only`` calls all of them."""
@@ -94,12 +94,12 @@ ANY_ITEMS: dict[str, Item] = {
 }
 """By the names that ``--only`` takes."""
 
-AIMS: dict[str, tuple[str, anytask.Aims]] = {
-    "any-open": ("ZoneEnv", anytask.aims_of_run("any-zones", anytask.ZONE_BARS, anytask.MOST_SECONDS)),
-    "any-walled": ("walled ZoneEnv", anytask.aims_of_run("any-walls", anytask.WALL_BARS)),
-    "any-letterworld": ("LetterWorld", anytask.aims_of_run("any-letters", anytask.LETTER_BARS)),
-    "any-flatworld": ("FlatWorld", anytask.aims_of_run("any-flat", anytask.FLAT_BARS)),
-    "any-waterworld": ("WaterWorld", anytask.aims_of_run("any-water", anytask.WATER_BARS)),
+AIMS: dict[str, tuple[str, anyaims.Aims]] = {
+    "any-open": ("ZoneEnv", anyaims.aims_of_run("any-zones", anytask.ZONE_BARS, anytask.MOST_SECONDS)),
+    "any-walled": ("walled ZoneEnv", anyaims.aims_of_run("any-walls", anytask.WALL_BARS)),
+    "any-letterworld": ("LetterWorld", anyaims.aims_of_run("any-letters", anytask.LETTER_BARS)),
+    "any-flatworld": ("FlatWorld", anyaims.aims_of_run("any-flat", anytask.FLAT_BARS)),
+    "any-waterworld": ("WaterWorld", anyaims.aims_of_run("any-water", anytask.WATER_BARS)),
     "any-strict": ("strictly unseen", anystrict.aims),
     "any-codes": ("codes", anyalone.aims),
     "any-certificates": ("certificates", anycertified.in_time),

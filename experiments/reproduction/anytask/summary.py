@@ -8,7 +8,7 @@ from experiments.benchmarks import measured
 from experiments.reproduction import typed
 from experiments.reproduction.anytask.items import AIMS, ANY_ITEMS
 from experiments.reproduction.page import paragraph, table
-from experiments.reproduction.sections.anytask import AIMS_HEADING, MISSED, REACHED, Aim
+from experiments.reproduction.sections.anyaims import AIMS_HEADING, MISSED, REACHED, Aim
 from experiments.reproduction.stored import Stored
 from t2tl_jax.runs.folder import read_json
 

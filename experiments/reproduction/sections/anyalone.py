@@ -9,17 +9,9 @@ from experiments.reproduction.anytask import met, suites
 from experiments.reproduction.anytask.runs import TEXTS
 from experiments.reproduction.page import table
 from experiments.reproduction.sections import anyends
-from experiments.reproduction.sections.anytask import (
-    AIMS_HEADING,
-    SAMPLED,
-    Aim,
-    Bar,
-    figures,
-    over_tasks,
-    own_family,
-    spread,
-)
-from experiments.reproduction.sections.anytask import aims as aims_of
+from experiments.reproduction.sections.anyaims import AIMS_HEADING, Aim, Bar
+from experiments.reproduction.sections.anyaims import aims as aims_of
+from experiments.reproduction.sections.anyfigures import SAMPLED, figures, over_tasks, own_family, spread
 from experiments.reproduction.stored import Stored
 from t2tl_jax.agents.dp_config import DPConfig
 

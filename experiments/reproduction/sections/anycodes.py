@@ -12,15 +12,7 @@ from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections import anyends, anyunread
 from experiments.reproduction.sections.anyalone import BROAD, PRETRAINED, SOLVED, label, read_alone, text_alone
-from experiments.reproduction.sections.anytask import (
-    OWN,
-    SAMPLED,
-    figures,
-    over_tasks,
-    own_family,
-    spread,
-    state_of,
-)
+from experiments.reproduction.sections.anyfigures import OWN, SAMPLED, figures, over_tasks, own_family, spread, state_of
 from experiments.reproduction.stored import Stored
 
 ALMOST_ALL = 0.9

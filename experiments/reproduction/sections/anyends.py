@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.reproduction.sections.anytask import SAMPLED, over_tasks
+from experiments.reproduction.sections.anyfigures import SAMPLED, over_tasks
 from experiments.reproduction.stored import Stored
 
 ENDS = ("violation_rate", "env_termination_rate", "timeout_rate")

@@ -10,7 +10,7 @@ from experiments.reproduction.anytask.runs import BROAD_FRAMES, MEMORY_RANGE, ME
 from experiments.reproduction.cells import COST, cost, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
-from experiments.reproduction.sections.anytask import MODE, own_family, spread, state_of
+from experiments.reproduction.sections.anyfigures import MODE, own_family, spread, state_of
 from experiments.reproduction.stored import Stored
 from t2tl_jax.networks.context import ContextConfig
 from t2tl_jax.registry import named_config

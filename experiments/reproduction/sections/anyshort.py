@@ -8,7 +8,8 @@ from experiments.paper import published_any as published
 from experiments.reproduction.anytask import suites
 from experiments.reproduction.anytask.runs import STRICT
 from experiments.reproduction.anytask.tested import name_elsewhere
-from experiments.reproduction.sections.anytask import SAMPLED, ZONES, figures, over_tasks
+from experiments.reproduction.sections.anyfigures import SAMPLED, figures, over_tasks
+from experiments.reproduction.sections.anytask import ZONES
 from experiments.reproduction.stored import Stored
 
 CODES = {

@@ -10,16 +10,9 @@ from experiments.reproduction.anytask.runs import STRICT
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import paragraph, table
 from experiments.reproduction.sections import anyends
-from experiments.reproduction.sections.anytask import (
-    AIMS_HEADING,
-    SAMPLED,
-    Aim,
-    Bar,
-    by_spread,
-    figures,
-    over_tasks,
-)
-from experiments.reproduction.sections.anytask import aims as aims_of
+from experiments.reproduction.sections.anyaims import AIMS_HEADING, Aim, Bar
+from experiments.reproduction.sections.anyaims import aims as aims_of
+from experiments.reproduction.sections.anyfigures import SAMPLED, by_spread, figures, over_tasks
 from experiments.reproduction.stored import Stored
 
 CHAINS = f"{len(water_chains.CHAINS)} chains"

@@ -10,7 +10,7 @@ from typing import Any
 
 from experiments.controls import NamesConfig
 from experiments.reproduction.anytask import suites
-from experiments.reproduction.sections.anytask import figures, state_of
+from experiments.reproduction.sections.anyfigures import figures, state_of
 from experiments.reproduction.stored import Stored
 from t2tl_jax.networks.merged import MergedConfig
 
