@@ -132,7 +132,7 @@ def _small(config: Config) -> Config:
     if context is not None:
         layers = 2 if context.halved else 1
         changes["context"] = replace(context, reader=_few_parameters(context.reader, layers))
-    for name in ("env_layers", "actor_layers", "critic_layers", "state_layers"):
+    for name in ("env_layers", "actor_layers", "critic_layers", "state_layers", "head_layers"):
         if getattr(network, name, ()):
             changes[name] = (8,)
     if getattr(network, "task_layer", 0):

@@ -25,6 +25,7 @@ from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.objects import Objects
 
 HE = nn.initializers.orthogonal(2**0.5)
+XAVIER = nn.initializers.xavier_uniform()
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,10 @@ class QNetworkConfig:
     """How they meet: the task scales and shifts the state's features before one more layer; or the state's features are
     made into a matrix, and the values are its product with the task; or, as in the paper, state and task stand side by
     side before the first layer, so that every layer is computed for every task anew."""
+    head_layers: tuple[int, ...] = ()
+    """Hidden sizes of each of two heads, that of the advantages and that of the state's value, behind `task_layer`; the
+    reward-machine experiments had (256,). With such layers the heads begin as published, those layers and the outputs
+    Xavier-uniform; without them the outputs begin as Flax has it. The head "bilinear" takes none: it is a product."""
     dueling: bool = True
     """Value and advantage apart (Wang et al., 2016), as in the reward-machine experiments."""
     context: ContextConfig | None = None
@@ -54,7 +59,7 @@ class QNetworkConfig:
     which also embeds the observations of the window. None for a policy without memory."""
 
     def __post_init__(self) -> None:
-        checks.sizes(self, "state_layers")
+        checks.sizes(self, "state_layers", "head_layers")
         checks.counts(self, "task_layer")
         if self.context is not None and self.context.carried:
             raise ValueError(
@@ -66,6 +71,11 @@ class QNetworkConfig:
             raise ValueError(
                 f"the head 'bilinear' reads a state once for all tasks, and {type(self.state).__name__} reads it for "
                 "each of them; use head=film, or network.state=flat"
+            )
+        if self.head_layers and self.head == "bilinear":
+            raise ValueError(
+                "the head 'bilinear' is a product of state and task, behind which no layers come, got head_layers="
+                f"{self.head_layers}; use head=concat or head=film, or head_layers=()"
             )
         if self.context is not None and not self.context.aligned:
             raise ValueError("context.aligned=False is a mistake in PPO's order of samples; replay has no such order")
@@ -104,8 +114,11 @@ class QNetwork(RecurrentNetwork):
                 # is the same for all tasks, is computed once, and alone it embeds what a window has seen.
                 first = (*config.state_layers, config.task_layer)[0]
                 self.task_share = nn.Dense(first, use_bias=False, kernel_init=HE)
-            self.advantage = nn.Dense(self.num_actions)
-            self.state_value = nn.Dense(1)
+            self.advantage_layers = [nn.Dense(size, kernel_init=XAVIER) for size in config.head_layers]
+            self.state_value_layers = [nn.Dense(size, kernel_init=XAVIER) for size in config.head_layers]
+            begin = XAVIER if config.head_layers else nn.linear.default_kernel_init
+            self.advantage = nn.Dense(self.num_actions, kernel_init=begin)
+            self.state_value = nn.Dense(1, kernel_init=begin)
 
     def embed(self, table: TaskTable) -> jax.Array:
         """float32[rows, dim], one vector for every row of the table."""
@@ -165,14 +178,21 @@ class QNetwork(RecurrentNetwork):
         window = self.window_code(carry)
         if window is not None:
             window = jnp.broadcast_to(window[:, None], (*x.shape[:-1], window.shape[-1]))
-        x = nn.relu(self.deeper(x, window))
-        return self.advantage(x), self.state_value(x)
+        return self.heads(nn.relu(self.deeper(x, window)))
 
     def film(self, features: jax.Array, task: jax.Array) -> tuple[jax.Array, jax.Array]:
         """features [..., task_layer] and task [..., dim], broadcast against each other -> [..., actions], [..., 1]."""
         x = nn.relu(features * (1.0 + self.scale(task)) + self.shift(task))
-        x = nn.relu(self.hidden(x))
-        return self.advantage(x), self.state_value(x)
+        return self.heads(nn.relu(self.hidden(x)))
+
+    def heads(self, x: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """What both of them read, [..., task_layer] -> [..., actions], [..., 1]."""
+        advantage = state_value = x
+        for layer in self.advantage_layers:
+            advantage = nn.relu(layer(advantage))
+        for layer in self.state_value_layers:
+            state_value = nn.relu(layer(state_value))
+        return self.advantage(advantage), self.state_value(state_value)
 
     def matrices(self, features: jax.Array) -> jax.Array:
         """features [..., task_layer] -> [..., dim + 1, actions + 1], which maps a task's code to its values."""

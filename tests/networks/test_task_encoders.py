@@ -156,6 +156,8 @@ def test_machines_have_codes_but_nothing_to_read():
         (lambda: NetworkConfig(value_scale=math.nan), "value_scale must be a finite number"),
         (lambda: QNetworkConfig(state_layers=(0,)), "state_layers are sizes"),
         (lambda: QNetworkConfig(task_layer=0), "task_layer must be at least 1"),
+        (lambda: QNetworkConfig(head_layers=(0,)), "head_layers are sizes"),
+        (lambda: QNetworkConfig(head="bilinear", head_layers=(8,)), r"got head_layers=\(8,\); use head=concat or"),
         (lambda: GRUConfig(width=0), "at least 1"),
         (lambda: TransformerConfig(output=0), "at least 1"),
         (lambda: TransformerConfig(width=60), "heads must divide width"),
