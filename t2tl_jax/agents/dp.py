@@ -105,6 +105,7 @@ def make_dp(env: TaskEnv, config: DPConfig, episode_length: int, iterations: int
         epsilon=config.adam_epsilon,
         task_encoder_learning_rate=config.task_encoder_learning_rate,
         freeze_task_encoder=config.freezes_task_encoder,
+        each=config.gradient_clipping == "each",
     )
     embed, codes = make_codes(
         config.task_encoder,

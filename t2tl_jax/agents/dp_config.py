@@ -36,7 +36,7 @@ class DPConfig(AdamLearnerConfig):
     value_coefficient: float = 1.0
     """Weight of the value loss."""
     max_gradient_norm: float = 1.0
-    """Global norm at which gradients are clipped."""
+    """Norm at which gradients are clipped, by default the global one."""
 
     traced: ClassVar[tuple[str, ...]] = (
         *AdamLearnerConfig.traced,

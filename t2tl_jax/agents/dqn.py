@@ -85,6 +85,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         anneal=config.anneal_learning_rate,
         task_encoder_learning_rate=config.task_encoder_learning_rate,
         freeze_task_encoder=config.freezes_task_encoder,
+        each=config.gradient_clipping == "each",
     )
     # To ask whether the target is due for a copy reads and writes all parameters. It can be due only at gradient steps
     # whose number is a multiple of the period, so steps are taken in blocks, and it is asked at their beginning.

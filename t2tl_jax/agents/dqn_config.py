@@ -37,7 +37,7 @@ class DQNConfig(AdamLearnerConfig):
     anneal_learning_rate: bool = True
     """Decay the learning rate linearly to zero over the run."""
     max_gradient_norm: float = 10.0
-    """Global norm at which gradients are clipped."""
+    """Norm at which gradients are clipped, by default the global one."""
     epsilon_start: float = 1.0
     """Share of random actions at the start."""
     epsilon_end: float = 0.02

@@ -97,6 +97,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
         epsilon=config.adam_epsilon,
         task_encoder_learning_rate=config.task_encoder_learning_rate,
         freeze_task_encoder=config.freezes_task_encoder,
+        each=config.gradient_clipping == "each",
     )
 
     embed, codes = make_codes(

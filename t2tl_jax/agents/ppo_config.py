@@ -50,7 +50,7 @@ class PPOConfig(AdamLearnerConfig):
     noise_decay: float = 0.5
     """Share of the run over which the correlation time falls linearly to 0."""
     max_gradient_norm: float = 0.5
-    """Global norm at which gradients are clipped."""
+    """Norm at which gradients are clipped, by default the global one."""
     normalise_advantage: bool = False
     """Standardise advantages within a minibatch."""
     timeout_is_terminal: bool = False

@@ -10,6 +10,7 @@ parameter (`clipped`), for those who call a learner without the guard.
 from collections.abc import Mapping
 from dataclasses import replace
 from enum import IntEnum
+from functools import reduce
 from typing import Any
 
 import jax
@@ -43,28 +44,32 @@ CAUSES = {
 
 
 def clipped(
-    optimizer: optax.GradientTransformation, max_norm: float | jax.Array
+    optimizer: optax.GradientTransformation, max_norm: float | jax.Array, each: bool = False
 ) -> optax.GradientTransformationExtraArgs:
-    """The same optimiser on gradients clipped by their global norm; those that are not finite change no parameter.
+    """The same optimiser on gradients clipped by their norm; those that are not finite change no parameter.
 
     Its moments take them for 0. That is `optax.chain` of `clip_by_global_norm` and `optimizer`, with the same state,
     but the norm is computed once, for both: for a small network that learns after every step each pass over all
-    gradients counts.
+    gradients counts. So it is with a norm for `each` array, for which optax has no clipping.
 
     Args:
         optimizer: what goes on with the clipped gradients.
         max_norm: the norm beyond which a gradient is shortened to it.
+        each: shorten each array by its own norm instead of all by the global one. One array that is not finite still
+            keeps the whole gradient from changing anything.
     """
     chain = optax.chain(optax.identity(), optimizer)  # in the place of the clipping, whose state is as empty
 
     def update(gradient: Any, state: Any, params: Params = None, **extra: Any) -> tuple[Any, Any]:
-        norm = optax.tree.norm(gradient)
-        finite, short = jnp.isfinite(norm), norm < max_norm
+        norms = jax.tree.map(optax.tree.norm, gradient) if each else optax.tree.norm(gradient)
+        finite = reduce(jnp.logical_and, map(jnp.isfinite, jax.tree.leaves(norms)))
 
-        def bounded(x: jax.Array) -> jax.Array:
-            return jnp.where(finite, jnp.where(short, x, x / norm * max_norm), 0.0)
+        def bounded(norm: jax.Array, part: Any) -> Any:
+            """All arrays that share a norm."""
+            short = norm < max_norm
+            return jax.tree.map(lambda x: jnp.where(finite, jnp.where(short, x, x / norm * max_norm), 0.0), part)
 
-        updates, state = chain.update(jax.tree.map(bounded, gradient), state, params, **extra)
+        updates, state = chain.update(jax.tree.map(bounded, norms, gradient), state, params, **extra)
         return jax.tree.map(lambda x: jnp.where(finite, x, 0.0), updates), state
 
     return optax.GradientTransformationExtraArgs(chain.init, update)

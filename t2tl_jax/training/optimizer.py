@@ -1,7 +1,7 @@
 """The optimiser of both learners."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
@@ -22,6 +22,9 @@ class AdamLearnerConfig(LearnerConfig):
 
     task_encoder_learning_rate: float | None = None
     """Step size of Adam for the task encoder, annealed as the other one is; None for the same as the rest."""
+    gradient_clipping: Literal["global", "each"] = "global"
+    """Which norm is held below `max_gradient_norm`: that of the whole gradient, or that of the part that belongs to
+    each array of parameters, all of which are then shortened apart, as in the reward-machine experiments."""
 
     traced: ClassVar[tuple[str, ...]] = ("task_encoder_learning_rate",)
 
@@ -44,8 +47,9 @@ def clipped_adam(
     epsilon: float | jax.Array = 1e-8,
     task_encoder_learning_rate: float | jax.Array | None = None,
     freeze_task_encoder: bool = False,
+    each: bool = False,
 ) -> optax.GradientTransformationExtraArgs:
-    """Adam on gradients that are clipped by their global norm; those that are not finite change nothing.
+    """Adam on gradients that are clipped by their norm; those that are not finite change nothing.
 
     Steps are counted for annealing. Of a run with more of them than 32 bits can count, `update` is to be told the share
     that is over, as ``share=``; of others it takes that and does not read it.
@@ -59,6 +63,7 @@ def clipped_adam(
         task_encoder_learning_rate: step size of the task encoder's parameters; None for the same.
         freeze_task_encoder: leave the task encoder alone, whose gradient is 0 then. Adam would not move it either, but
             go through its many small arrays at every step.
+        each: clip the gradient of each array of parameters by its own norm, not the whole by the global one.
     """
 
     def adam(rate: float | jax.Array) -> optax.GradientTransformation:
@@ -71,7 +76,7 @@ def clipped_adam(
         step = optax.partition({PART: optax.set_to_zero(), REST: step}, _labels)
     elif task_encoder_learning_rate is not None:
         step = optax.partition({PART: adam(task_encoder_learning_rate), REST: step}, _labels)
-    return clipped(step, max_gradient_norm)
+    return clipped(step, max_gradient_norm, each)
 
 
 def _annealed_by_share(rate: float | jax.Array) -> optax.GradientTransformationExtraArgs:

@@ -146,6 +146,15 @@ def test_a_run_from_before_new_maps_keeps_its_maps():
         assert config_files.from_json(json.dumps(stored), "config.json").map_period == 0
 
 
+@pytest.mark.parametrize("name", ["zone_ppo", "rm_water_crm"])
+def test_a_run_from_before_head_layers_and_clipping_by_array_has_neither(name):
+    config = named_config(name)
+    data = json.loads(config_files.to_json(config))
+    assert data["learner"].pop("gradient_clipping") == "global"
+    assert data["learner"]["network"].pop("head_layers", []) == []
+    assert config_files.from_json(json.dumps(data), "config.json") == config
+
+
 def test_dqn_of_the_first_format():
     network = {"kind": "q_network", "task_encoder": "one_hot", "one_hot_size": 20, "head": "bilinear"}
     learner = {"steps_per_iteration": 7, "simultaneous": False, "num_envs": 3}

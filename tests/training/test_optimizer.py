@@ -1,5 +1,7 @@
 """The optimiser: a step size of the task encoder's own changes its steps and no others."""
 
+from dataclasses import replace
+
 import chex
 import jax
 import jax.numpy as jnp
@@ -8,11 +10,25 @@ import optax
 import pytest
 from flax import struct
 
+from t2tl_jax.agents import dp, dqn, ppo
+from t2tl_jax.agents.dp_config import DPConfig
+from t2tl_jax.agents.dqn_config import DQNConfig
+from t2tl_jax.agents.ppo_config import PPOConfig
+from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.runs.checkpoints import Checkpoints
+from t2tl_jax.single_state import SingleState, SingleStateConfig
+from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.optimizer import clipped_adam
+from tests.probe import DiscreteProbeEnv
 
 PARAMS = {"params": {"task_encoder": {"w": np.ones(3, np.float32)}, "actor": {"w": np.ones(2, np.float32)}}}
 GRADIENTS = jax.tree.map(lambda x: 0.1 * np.arange(1, 1 + x.size, dtype=np.float32), PARAMS)
+
+LEARNERS = {
+    "dqn": (dqn, dqn.make_dqn, DQNConfig(), DiscreteProbeEnv()),
+    "ppo": (ppo, ppo.make_ppo, PPOConfig(), DiscreteProbeEnv()),
+    "dp": (dp, dp.make_dp, DPConfig(), SingleState(SingleStateConfig(("Up", "Down")))),
+}
 
 
 def moved(own, anneal=False, steps=2):
@@ -73,6 +89,43 @@ def test_clipping_is_that_of_optax_and_what_is_not_finite_changes_no_parameter(s
     other, expected = usual.update(then if finite else jax.tree.map(np.zeros_like, then), expected, PARAMS)
     chex.assert_trees_all_close(state, expected, rtol=1e-6)
     chex.assert_trees_all_close(updates, other if finite else jax.tree.map(np.zeros_like, then), rtol=1e-6)
+
+
+def by_numpy(gradient, norm):
+    """Each array shortened to a norm."""
+    return jax.tree.map(lambda x: x * min(1.0, norm / np.sqrt((x.astype(float) ** 2).sum())), gradient)
+
+
+def test_each_array_is_clipped_by_itself_side_by_side_and_what_is_not_finite_changes_nothing():
+    """Of Adam's moments the first is a tenth of the first gradient. One number of the last seed is not finite."""
+    rng = np.random.default_rng(0)
+    sizes = {"task_encoder": {"w": 0.01}, "actor": {"w": 1.0, "b": 0.1}, "critic": {"w": 9.0}}
+    gradients = {"params": jax.tree.map(lambda size: size * rng.normal(size=(3, 4, 2)).astype(np.float32), sizes)}
+    gradients["params"]["actor"]["b"][2, 1, 1] = np.inf
+    params = jax.tree.map(np.zeros_like, gradients)
+    optimizer = clipped_adam(1e-2, 0.5, gradient_steps=10, anneal=False, each=True)
+    begun = jax.vmap(optimizer.init)(params)
+    updates, state = jax.jit(jax.vmap(optimizer.update))(gradients, begun, params)
+    chex.assert_trees_all_equal_shapes_and_dtypes(state, begun)
+    mu = optax.tree.get(state, "mu")
+    for seed in range(3):
+        given, moment, step = (jax.tree.map(lambda x, seed=seed: x[seed], of) for of in (gradients, mu, updates))
+        clipped = by_numpy(given, 0.5) if seed < 2 else jax.tree.map(np.zeros_like, given)
+        chex.assert_trees_all_close(moment, jax.tree.map(lambda x: 0.1 * x, clipped), rtol=1e-5)
+        assert all(np.all((x != 0) == (seed < 2)) for x in jax.tree.leaves(step))
+    shortened = [np.linalg.norm(x[0]) > 0.5 for x in jax.tree.leaves(gradients)]
+    assert any(shortened) and not all(shortened)
+
+
+@pytest.mark.parametrize("name", LEARNERS)
+def test_every_learner_clips_as_its_configuration_says(monkeypatch, name):
+    module, make, config, world = LEARNERS[name]
+    told = []
+    monkeypatch.setattr(module, "clipped_adam", lambda *_, **options: told.append(options["each"]))
+    env = TaskEnv(world, compile_tasks("F Up", world.propositions, world.alphabet))
+    for clipping in ("global", "each"):
+        make(env, replace(config, gradient_clipping=clipping), 9, 2)
+    assert told == [False, True]
 
 
 @struct.dataclass
