@@ -148,6 +148,17 @@ _RM_WATER = Config(
     episode_length=waterworld.EPISODE_LENGTH,
 )
 
+# The same learner as published, as far as there are switches. Its replay draws 32 steps with all states of the machine,
+# where theirs drew as many pairs of both one by one. The first layer is two arrays, one for the observation and one for
+# the machine's state, which begin and are clipped apart; theirs is one.
+_RM_PUBLISHED_DQN = replace(
+    _RM_DQN,
+    network=replace(_RM_DQN.network, head="concat", state_layers=(1024, 1024), task_layer=1024, head_layers=(256,)),
+    learning_rate=1e-5,
+    anneal_learning_rate=False,
+    gradient_clipping="each",
+)
+
 # With targets of 32 samples instead of 32 x 77, the learning rate of crm is too large.
 _RM_QL_DQN = replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)
 
@@ -192,6 +203,12 @@ register_config(
     "rm_water_crm",
     _RM_WATER,
     "reward-machine benchmark: ten tasks, one update per step for every state (crm); seeds 1 to 10 are its maps",
+)
+register_config(
+    "rm_water_crm_published",
+    replace(_RM_WATER, learner=_RM_PUBLISHED_DQN),
+    "rm_water_crm in the published form: three layers of 1,024, a layer of 256 in each head, learning rate 1e-5, each "
+    "array's gradient clipped by itself",
 )
 register_config(
     "rm_water_ql",

@@ -30,6 +30,7 @@ LIKE = {
     "zone_ppo_closed_form": "zone_ppo",
     "zone_ppo_published": "zone_ppo",
     "rm_water_crm_shaped": "rm_water_crm",
+    "rm_water_crm_published": "rm_water_crm",
     "rm_water_ql_shaped": "rm_water_ql",
     "rm_water_parallel": "rm_water_crm",
     "pretrain_zone_published": "pretrain_zone",

@@ -6,6 +6,7 @@ import pytest
 
 from experiments import methods
 from experiments.cli import request as command_line
+from experiments.fairness import sizes
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.networks.context import ContextConfig
@@ -69,6 +70,23 @@ def test_the_paper_s_form_is_trained_on_and_concatenated():
     assert paper.pretrained == "auto:own"
     places = {change.partition("=")[0] for change in differences(default, paper)}
     assert places == {"learner.network.head", "learner.network.freeze_task_encoder"}
+
+
+def test_the_published_form_of_the_benchmark_is_a_matter_of_switches():
+    ours, published = named_config("rm_water_crm"), named_config("rm_water_crm_published")
+    assert set(differences(ours, published)) == {
+        "learner.gradient_clipping=each",
+        "learner.learning_rate=1e-05",
+        "learner.anneal_learning_rate=False",
+        "learner.network.head=concat",
+        "learner.network.head_layers=(256,)",
+        "learner.network.state_layers=(1024, 1024)",
+        "learner.network.task_layer=1024",
+    }
+    learner = published.learner
+    assert learner.network.dueling and learner.double and learner.max_gradient_norm == 10.0
+    assert (learner.target_period, learner.batch_size, learner.buffer_size) == (100, 32, 50_000)
+    assert sizes(published).others == 2_758_662  # as counted of the published network
 
 
 def test_pretraining_has_no_context():
