@@ -196,6 +196,7 @@ PAPER_ITEMS: dict[str, Item] = {
         (
             *(f"rm-{one}{kind}" for one in ("", "single-") for kind in ("crm", "ql", "crm_shaped", "ql_shaped")),
             "rm-single-crm-slow",
+            "rm-single-crm-published",
         ),
         benchmark.benchmark,
     ),

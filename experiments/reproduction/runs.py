@@ -271,11 +271,12 @@ def _benchmark(runs: dict[str, Run]) -> dict[str, Run]:
     new = {}
     for kind in ("crm", "ql", "crm_shaped", "ql_shaped"):
         config = named_config(f"rm_water_{kind}")
-        new[f"rm-{kind}"] = Run(config, seeds=MAPS, evaluated=False)
-        new[f"rm-single-{kind}"] = Run(_single_task(config), seeds=MAPS, evaluated=False)
+        new[f"rm-{kind}"] = Run(config, seeds=MAPS)
+        new[f"rm-single-{kind}"] = Run(_single_task(config), seeds=MAPS)
     single = _single_task(named_config("rm_water_crm"))
     slow = _changed(single.learner, learning_rate=PUBLISHED_RATE, anneal_learning_rate=False)
-    new["rm-single-crm-slow"] = Run(replace(single, learner=slow), seeds=MAPS, evaluated=False)
+    new["rm-single-crm-slow"] = Run(replace(single, learner=slow), seeds=MAPS)
+    new["rm-single-crm-published"] = Run(_single_task(named_config("rm_water_crm_published")), seeds=MAPS)
     return new
 
 

@@ -6,7 +6,7 @@ import pytest
 from experiments.paper import published_water
 from experiments.reproduction import below, score_bounds
 from experiments.reproduction.sections import benchmark
-from tests.made_up_runs import rows
+from tests.made_up_runs import played, rows
 
 DISCOUNT = 0.9
 
@@ -70,8 +70,14 @@ def test_the_page_shows_scores_beside_the_published_ones(make):
 def test_runs_without_an_evaluation_say_so(make):
     runs = {"rm-single-ql": make("rm-single-ql", seeds=(1, 2))}
     assert benchmark.TRAINING_ALONE in benchmark.benchmark(runs)
-    evaluated = {"rm-single-crm": make("rm-single-crm", seeds=(1, 2), evaluated={600: {"success_rate": 1.0}})}
-    assert benchmark.TRAINING_ALONE not in benchmark.benchmark(evaluated)
+    form = "rm-single-crm-published"
+    runs[form] = make(form, seeds=(1, 2), evaluated={600: played([1.0, 0.5], 24.0)})
+    text = benchmark.benchmark(runs)
+    assert benchmark.TRAINING_ALONE not in text and benchmark.EVALUATED.partition("{")[0] in text
+    assert f"final parameters: {form}. Not evaluated: rm-single-ql, the published runs." in " ".join(text.split())
+    table, _ = benchmark.evaluated(runs)
+    assert rows(table)[form][0].startswith("0.500") and rows(table)[form][1].startswith("0.750")
+    assert set(rows(table)) == {"evaluated", form}
 
 
 def test_best_episodes_of_the_single_task_are_those_of_the_tenth_or_better():

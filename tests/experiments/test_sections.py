@@ -258,6 +258,22 @@ def test_whose_values_run_off_is_said(make):
     assert said.endswith(benchmark.PUBLISHED_SETTINGS) and benchmark.overvalued({}) == ""
 
 
+def test_the_run_in_the_published_form_says_what_it_has_and_what_still_differs(make):
+    form, usual = "rm-single-crm-published", "rm-single-crm"
+    runs = {name: make(name, seeds=(1, 2), frames=200_000, episodes=100.0) for name in (usual, form)}
+    said = benchmark.settings(runs)
+    ours, theirs = "layers 512, 512, 512, head bilinear", "layers 1024, 1024, 1024, head concat"
+    assert f"{usual}: learning rate 0.0001, falling to 0; {ours}; gradients clipped as a whole." in said
+    assert f"{form}: learning rate 1e-05, constant; {theirs}, a layer of 256 in each of two heads; gradients" in said
+    assert "clipped array by array." in said
+    text = benchmark.benchmark(runs)
+    assert f"{form} - {usual}" in rows(text) and f"{form} after 200,000 to 2,000,000 steps" in text
+    assert f"for the slow run and {form}, which have the published one" in " ".join(text.split())
+    assert "still differs from the published program" in " ".join(text.split())
+    without = " ".join(benchmark.single_note({usual: runs[usual]}).split())
+    assert "but for the slow run, which has the published one" in without and form not in without
+
+
 def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make):
     falling = np.tile([0.0] * 5 + [0.8] + [0.0] * 3 + [0.4], (4, 1))  # eighths of ten iterations
     runs = {

@@ -28,12 +28,20 @@ TEN_PAIRS = [*TEN_CLAIMS, ("rm-crm", "rm-crm_shaped"), ("rm-ql", "rm-ql_shaped")
 SLOW = "-slow"
 """Ending of the name of a run that has the published learning rate instead of ours."""
 
+FORM = "-published"
+"""The same of a run that has the published network and clipping too."""
+
+SINGLE_KINDS = SINGLE | {f"rm-single-crm{ending}": "crm" for ending in (SLOW, FORM)}
+"""All runs of the single task by the published ones that they stand beside."""
+
 SINGLE_PAIRS = [
     *(
         (f"rm-single-{first.removeprefix('rm-')}", f"rm-single-{second.removeprefix('rm-')}")
         for first, second in TEN_PAIRS
     ),
     (f"rm-single-crm{SLOW}", "rm-single-crm"),
+    (f"rm-single-crm{FORM}", "rm-single-crm"),
+    (f"rm-single-crm{FORM}", f"rm-single-crm{SLOW}"),
 ]
 """Nothing is claimed of these: the published curves overlap within one standard deviation."""
 
@@ -43,9 +51,14 @@ EPISODES = 100
 SINGLE_NOTE = """In the published single task a wrong touch in the last state pays 1 too, which the published shares
 count, so that they do not compare with "carried out". Discounted return counts whatever was paid, the sooner the more,
 so that an agent gains by the touch that is nearer, be it the wrong one. A gradient step of crm holds three states'
-values here instead of 77, at the learning rate that was chosen for 77, but for the slow run, which has the published
-one. The runs were made again to record what is paid. By the same settings and seeds other maps had been lost before:
-how a run ends on one map is not stable. Why the maps are lost where episodes no longer pay is open."""
+values here instead of 77, at the learning rate that was chosen for 77, but for {slow} the published one. The runs
+were made again to record what is paid. By the same settings and seeds other maps had been lost before: how a run ends
+on one map is not stable. Why the maps are lost where episodes no longer pay is open."""
+
+FORM_NOTE = f"""rm-single-crm{FORM} has the published network, learning rate and clipping. What still differs from the
+published program: its batches are 32 steps with all three states of the machine, where theirs are 96 pairs of a step
+and a state, without states that the events before rule out; the observation's and the state's parts of the first layer
+begin, and are clipped, apart; and every episode starts at rest."""
 
 SCORE_NOTE = """The published figure of the single task is a normalised score: an episode's reward over its length, in
 units of the best episode on the map, mean of the last 100 (here of whole iterations, as few as hold so many). Ours was
@@ -55,6 +68,9 @@ paid episode is taken to be shorter than the authors' shortest one, whose score 
 so by the greatest: under that assumption, and as far as the two kinds of windows agree, our mean is below."""
 
 TRAINING_ALONE = """None of these runs was evaluated after its training, nor were the published ones: all figures are of
+training episodes, with exploration."""
+
+EVALUATED = """Evaluated after training, by the final parameters: {}. Not evaluated: {}. All other figures are of
 training episodes, with exploration."""
 
 SEARCHED = """Learning rates were not searched for alike: ql's was chosen among four on maps {}, which are reported too
@@ -91,7 +107,7 @@ def benchmark(runs: Mapping[str, Stored]) -> str:
     single = {name: run for name, run in runs.items() if name not in ten}
     parts = [*_ten(ten), *_single(single), lead(ten, single)]
     parts += [overvalued(runs), settings(runs), NOTE]
-    parts += ["" if any(run.evaluations for run in runs.values()) else TRAINING_ALONE, cost_line(runs)]
+    parts += [*evaluated(runs), cost_line(runs)]
     return "\n\n".join(part for part in parts if part) if runs else ""
 
 
@@ -167,12 +183,36 @@ def settings(runs: Mapping[str, Stored]) -> str:
         network = learner.network
         layers = ", ".join(str(size) for size in (*network.state_layers, network.task_layer))
         falls = "falling to 0" if learner.anneal_learning_rate else "constant"
-        ends = ", the time limit is an end" if learner.timeout_is_terminal else ""
-        rate = learner.learning_rate
-        each.append((f"learning rate {rate:g}, {falls}; layers {layers}, head {network.head}{ends}", name))
+        behind = ", ".join(str(size) for size in network.head_layers)
+        heads = f", a layer of {behind} in each of two heads" if behind else ""
+        clipped = "array by array" if learner.gradient_clipping == "each" else "as a whole"
+        ends = "; the time limit is an end" if learner.timeout_is_terminal else ""
+        rate = f"learning rate {learner.learning_rate:g}, {falls}"
+        how = f"{rate}; layers {layers}, head {network.head}{heads}; gradients clipped {clipped}{ends}"
+        each.append((how, name))
     same = {how: [name for what, name in each if what == how] for how, _ in each}
     ours = [f"{', '.join(names)}: {how}." for how, names in same.items()]
-    return "\n".join([*ours, PUBLISHED_SETTINGS] if {*TEN, *SINGLE} & {*runs} else ours)
+    return "\n".join([*ours, PUBLISHED_SETTINGS] if {*TEN, *SINGLE_KINDS} & {*runs} else ours)
+
+
+def evaluated(runs: Mapping[str, Stored]) -> list[str]:
+    """What became of the runs that were evaluated after their training, or that none was."""
+    rows = []
+    for name, run in runs.items():
+        if run.evaluations:
+            of = {
+                (policy, metric): run.by_seed(metric, policy=policy)
+                for policy in ("sampled", "deterministic")
+                for metric in ("discounted_return", "success_rate")
+            }
+            rows.append((name, *(text(of[key]) if "return" in key[1] else share(of[key]) for key in of)))
+    if not rows:
+        return [TRAINING_ALONE]
+    there = [name for name, *_ in rows]
+    others = [name for name in runs if name not in there]
+    heading = ("evaluated", "sampled: return", "carried out", "deterministic: return", "carried out")
+    said = EVALUATED.format(", ".join(there), ", ".join([*others, "the published runs"]))
+    return [table(heading, rows), paragraph(said)]
 
 
 def behind(curves: Mapping[str, Mapping[int, np.ndarray]]) -> str:
@@ -238,8 +278,16 @@ def _single(runs: Mapping[str, Stored]) -> list[str]:
         differences(runs, SINGLE_PAIRS, means, "mean discounted return over training"),
         scored(runs),
         rewarded(runs),
-        SINGLE_NOTE,
+        single_note(runs),
     ]
+
+
+def single_note(runs: Mapping[str, Stored]) -> str:
+    """What to know of the figures of the single task, and of the run in the published form where it is there."""
+    form = f"rm-single-crm{FORM}"
+    slow = f"the slow run and {form}, which have" if form in runs else "the slow run, which has"
+    note = paragraph(SINGLE_NOTE.format(slow=slow))
+    return f"{note}\n\n{paragraph(FORM_NOTE)}" if form in runs else note
 
 
 def scored(runs: Mapping[str, Stored]) -> str:
@@ -256,7 +304,7 @@ def scored(runs: Mapping[str, Stored]) -> str:
         each = score_bounds.bounds(run.metrics, [best[seed] for seed in run.seeds], discount)
         least, greatest = (recent(run, marks, of) for of in each)
         rows.append((name, *(score_bounds.cell(*at) for at in zip(least.T, greatest.T, strict=True))))
-        means, _ = published_water.SINGLE_SCORES[SINGLE[name.removesuffix(SLOW)]]
+        means, _ = published_water.SINGLE_SCORES[SINGLE_KINDS[name]]
         found[name] = below.marks(greatest, marks, means)
     for published in SINGLE.values():
         every = zip(*published_water.SINGLE_SCORES[published], strict=True)
@@ -274,7 +322,7 @@ def rewarded(runs: Mapping[str, Stored]) -> str:
     for published, of_episodes in published_water.SINGLE_REWARDED.items():
         rows.append((f"{published}, published", *(f"{at:.3f}" for at in of_episodes)))
     found = {
-        name: below.marks(of, marks, published_water.SINGLE_REWARDED[SINGLE[name.removesuffix(SLOW)]], estimate=_paid)
+        name: below.marks(of, marks, published_water.SINGLE_REWARDED[SINGLE_KINDS[name]], estimate=_paid)
         for name, of in shares.items()
     }
     unknown = [name for name in runs if name not in known]
