@@ -1,7 +1,7 @@
 """How long a training takes to start, for the first time and once more: ``python -m experiments.benchmarks.starts``.
 
-Each start is a process of its own that trains for one iteration. The first finds no compiled programs, the second those
-that the first left on disk, as runs leave them to later ones. Pre-training does not count.
+Each start is a process of its own that trains for one iteration. The first finds no programs on disk, the second those
+that the first left there, traced and compiled, as runs leave them to later ones. Pre-training does not count.
 """
 
 import json
@@ -36,7 +36,7 @@ class Arguments:
     seeds: int = 12
     """How many seeds at once."""
     here: bool = False
-    """Start the first training once, in this process, with compiled programs in JAX_COMPILATION_CACHE_DIR, and print
+    """Start the first training once, in this process, with programs kept in JAX_COMPILATION_CACHE_DIR, and print
     JSON: this is what the processes do."""
     json: Path | None = None
     """Also write the results to this file."""
@@ -79,7 +79,7 @@ def _said(one: dict[str, float]) -> str:
 
 
 def in_a_process(text: str, seeds: int, folder: str) -> dict[str, float]:
-    """Start a training in a new process, whose compiled programs lie in a folder; `start`, and ``process``, the seconds
+    """Start a training in a new process, whose programs lie in a folder; `start`, and ``process``, the seconds
     of the whole process.
 
     Raises:
@@ -108,9 +108,11 @@ def start(config: Any) -> dict[str, float]:
     was traced (``traced``), of compiling, and until the iteration was done (``done``)."""
     import jax
 
+    from experiments.cli import compilation_cache
     from t2tl_jax.runs.compilation import Compilation
     from t2tl_jax.runs.experiment import build
 
+    compilation_cache.use(config.run.compilation_cache)
     program = build(config).program
     traced = time.perf_counter() - STARTED
     compiled = Compilation(program, fresh=True).result()

@@ -1,4 +1,4 @@
-"""Keep compiled programs on disk between runs. Only entry points do this, never the library."""
+"""Keep compiled and traced programs on disk between runs. Only entry points do this, never the library."""
 
 import os
 from pathlib import Path
@@ -6,15 +6,22 @@ from pathlib import Path
 import jax
 
 from t2tl_jax.errors import UserError
+from t2tl_jax.runs import kept_traces
 
 
 def use(folder: str) -> None:
-    """Store compiled programs in a folder; nothing happens for ``''``, or where the user chose one in JAX's own way.
+    """Keep compiled and traced programs in a folder, or where the user chose one for compiled ones in JAX's own way;
+    for ``''`` nothing is kept, but what that way asks for.
 
     Raises:
         UserError: if the folder cannot be made.
     """
-    if not folder or os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+    chosen = os.environ.get("JAX_COMPILATION_CACHE_DIR")
+    kept_traces.use(None)
+    if not folder:
+        return
+    if chosen:
+        kept_traces.use(None if "://" in chosen else Path(chosen))
         return
     path = Path(folder).expanduser()
     try:
@@ -25,3 +32,4 @@ def use(folder: str) -> None:
             "folder, and --run.compilation-cache '' trains without one"
         ) from error
     jax.config.update("jax_compilation_cache_dir", str(path))
+    kept_traces.use(path)

@@ -9,8 +9,10 @@ from t2tl_jax.env import EnvConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import Mixture, TaskFamily, named_families
 from t2tl_jax.registry import TASK_FAMILIES, make_env
+from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.config_files import REGISTRIES
 from t2tl_jax.runs.machine_files import same_task
+from t2tl_jax.training.numbers import RANDOM_STARTS, numbers_of
 
 
 def differences(base: Any, other: Any, prefix: str = "") -> Iterator[str]:
@@ -74,3 +76,10 @@ def _renewable(env: EnvConfig) -> bool:
         return bool(make_env(env).renewable)
     except UserError:  # it was given as an object, which may be renewable
         return True
+
+
+def without_numbers(config: Config) -> Config:
+    """The configuration with the same numbers as all others of its program, see `training/numbers.py`."""
+    learner = config.learner.with_numbers(dict.fromkeys(config.learner.numbers, 0.0))
+    somewhere = RANDOM_STARTS in numbers_of(config.learner, config.random_starts)
+    return dataclasses.replace(config, learner=learner, random_starts=0.5 if somewhere else config.random_starts)

@@ -15,6 +15,7 @@ from t2tl_jax.errors import UserError, explained
 from t2tl_jax.ltl import TaskTable, ways
 from t2tl_jax.registry import AGENTS, ENVS
 from t2tl_jax.renaming import Renamed
+from t2tl_jax.runs import kept_traces
 from t2tl_jax.runs.compilation import Compilation
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.pools import Pools, make_pools, make_table
@@ -122,13 +123,17 @@ class Experiment:
     @cached_property
     def program(self) -> Program:
         """The one program that trains all seeds, traced but not compiled."""
-        return trace(
-            self.agent,
+        return self._traced(
             self.seeds,
             self.env_params("training"),
             restartable=self.pools is not None and not self.config.pool.finish,
-            sharding=self.sharding,
         )
+
+    def _traced(self, seeds: Sequence[int], env_params: TaskParams, restartable: bool) -> Program:
+        """The program of these seeds, which is not traced anew where `runs/kept_traces.py` has it."""
+        sharding = seed_sharding(len(seeds), self.agent.num_envs, self.config.run.devices_per_seed)
+        kept = kept_traces.file_of(self.config, self.table, env_params, sharding)
+        return trace(self.agent, seeds, env_params, restartable, sharding, kept)
 
     def compilation(self, fresh: bool) -> Compilation:
         """The program, compiling beside other work since this was first called; see `Compilation`."""
@@ -143,12 +148,10 @@ class Experiment:
             return self.program
         own = self.env_params("training")
         env, numbers, fault = jax.tree.map(lambda x: x[:width], (own.env, own.numbers, own.fault))
-        return trace(
-            self.agent,
+        return self._traced(
             self.seeds[:width],
             replace(own, env=env, numbers=numbers, fault=fault),
             restartable=self.pools is not None,
-            sharding=seed_sharding(width, self.agent.num_envs, self.config.run.devices_per_seed),
         )
 
     @cached_property

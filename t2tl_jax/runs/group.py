@@ -18,11 +18,12 @@ from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.callbacks import Callback
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.differences import without_numbers
 from t2tl_jax.runs.experiment import Experiment, build
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.interrupts import NeverStop, Stoppable
 from t2tl_jax.runs.training import ENDS
-from t2tl_jax.training.numbers import RANDOM_STARTS, numbers_of
+from t2tl_jax.training.numbers import numbers_of
 from t2tl_jax.training.seeds import parse_seeds
 
 CONTENT = "group.json"
@@ -60,7 +61,7 @@ class Group(Experiment):
 
 def same_program(one: Config, other: Config) -> bool:
     """Whether two configurations differ at most in numbers that only enter arithmetic, and in `run`."""
-    return _without_numbers(one) == _without_numbers(replace(other, run=one.run))
+    return without_numbers(one) == without_numbers(replace(other, run=one.run))
 
 
 def make_group(variants: Sequence[Config], env: LabelledEnv | None = None) -> Group:
@@ -142,10 +143,3 @@ def _content(runs: Mapping[Path, Config]) -> str:
         for path, config in runs.items()
     ]
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
-
-
-def _without_numbers(config: Config) -> Config:
-    """The configuration with the same numbers as all others of its program."""
-    learner = config.learner.with_numbers(dict.fromkeys(config.learner.numbers, 0.0))
-    somewhere = RANDOM_STARTS in numbers_of(config.learner, config.random_starts)
-    return replace(config, learner=learner, random_starts=0.5 if somewhere else config.random_starts)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -11,6 +12,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 
 from t2tl_jax.env import EnvParams, Purpose
 from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training import kept_trace
 from t2tl_jax.training.devices import SEEDS, fetched, padded, put
 from t2tl_jax.training.seeds import TRAINING, stream_keys
 from t2tl_jax.training.types import Agent
@@ -97,6 +99,7 @@ def trace(
     env_params: TaskParams,
     restartable: bool = False,
     sharding: NamedSharding | None = None,
+    kept: Path | None = None,
 ) -> Program:
     """Vmap a learner over seeds and trace it, which finds most mistakes before anything is compiled or written.
 
@@ -108,6 +111,7 @@ def trace(
         env_params: of `params_of_seeds`.
         restartable: whether the tasks are to change during training.
         sharding: placement of the seeds, of `seed_sharding`; None for a single device.
+        kept: file that holds `iterate` as it was traced before, or is to; None for neither.
 
     Raises:
         TypeError: if ``agent.iterate`` returns a state of other shapes or dtypes than it was given.
@@ -119,20 +123,28 @@ def trace(
     keys = put(padded(stream_keys(seeds, TRAINING), sharding), sharding)
     env_params = place_params(env_params, sharding)
 
-    def compiled(function: Any, over: Any, **options: Any) -> Any:
-        if sharding is not None:
-            options |= {"in_shardings": (sharding, tasks), "out_shardings": sharding}
-        return jax.jit(jax.vmap(function, in_axes=over, spmd_axis_name=None if sharding is None else SEEDS), **options)
-
     axes = (0, OVER_SEEDS)
+    placed: dict[str, Any] = {}
+    if sharding is not None:
+        placed = {"in_shardings": (sharding, tasks), "out_shardings": sharding}
+
+    def of_seeds(function: Any) -> Any:
+        return jax.vmap(function, in_axes=axes, spmd_axis_name=None if sharding is None else SEEDS)
+
+    def lowered(function: Any, *arguments: Any) -> Any:
+        return jax.jit(of_seeds(function), donate_argnums=0, **placed).lower(*arguments)
+
     with nullcontext() if sharding is None else jax.set_mesh(sharding.mesh):  # type: ignore[arg-type]
-        init = compiled(lambda key, env_params: _strongly_typed(agent.init(key, env_params)), axes)
-        state = _shapes(jax.eval_shape(init, keys, env_params))
-        lowered_iterate = compiled(agent.iterate, axes, donate_argnums=0).lower(state, env_params)
+        init = jax.jit(of_seeds(lambda key, env_params: _strongly_typed(agent.init(key, env_params))), **placed)
+        state, lowered_iterate = _shapes(jax.eval_shape(init, keys, env_params)), None
+        if kept is not None:
+            lowered_iterate = kept_trace.lowered(kept, of_seeds(agent.iterate), state, env_params, **placed)
+        if lowered_iterate is None:
+            lowered_iterate = lowered(agent.iterate, state, env_params)
         _require_same("iterate", state, _shapes(lowered_iterate.out_info[0]))
         lowered_init, lowered_restart = init.lower(keys, env_params), None
         if restartable:
-            lowered_restart = compiled(agent.restart, axes, donate_argnums=0).lower(state, env_params)
+            lowered_restart = lowered(agent.restart, state, env_params)
             _require_same("restart", state, _shapes(lowered_restart.out_info))
     return Program(
         count=len(seeds),

@@ -1,0 +1,116 @@
+"""Which traced iteration on disk is that of a training: one of the same configuration, code, packages and hardware.
+
+Only entry points turn this on (`use`), never the library. A program that depends on code of somebody else, such as an
+environment of a plugin, is not kept: nothing here knows which files that is made of.
+"""
+
+import dataclasses
+import hashlib
+import importlib.util
+import sys
+from collections.abc import Iterator
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from t2tl_jax.ltl import TaskTable
+from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.differences import without_numbers
+from t2tl_jax.runs.given_env import GivenEnv
+
+OWN = ("t2tl_jax", "envs")
+"""Packages whose every file counts."""
+ELSEWHERE = ("seeds", "pretrained", "pretraining_schedule", "until_solved", "convergence", "selection", "plan", "run")
+"""Fields of a configuration that no program of training depends on, but for shapes, which count by themselves."""
+
+_folders: list[Path] = []
+
+
+def use(folder: Path | None) -> None:
+    """Keep traced iterations in a folder from now on; None for nowhere, as it is at first."""
+    _folders[:] = [] if folder is None else [folder]
+
+
+def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> Path | None:
+    """Where the iteration of a training is kept; None if it is not to be.
+
+    Args:
+        config: of the training.
+        table: its tasks.
+        arguments: what the program is given beside its state, of which only shapes count.
+        sharding: over which devices it is spread.
+    """
+    if not _folders or isinstance(config.env, GivenEnv) or not all(map(within_own, kinds(config))):
+        return None
+    named = {
+        field.name: getattr(without_numbers(config), field.name)
+        for field in dataclasses.fields(config)
+        if field.name not in ELSEWHERE
+    }
+    leaves, structure = jax.tree.flatten(arguments)
+    parts = (
+        _installed(),
+        _jax(),
+        repr(named),
+        str(jax.tree.structure(table)),
+        *(
+            f"{x.dtype}{x.shape}{hashlib.sha256(x.tobytes()).hexdigest()}"
+            for x in map(np.asarray, jax.tree.leaves(table))
+        ),
+        f"{structure} {sharding}",
+        *(f"{x.dtype}{x.shape}" for x in map(np.asarray, leaves)),
+    )
+    return _folders[0] / f"{_digest(chr(0).join(parts).encode())[:32]}.trace"
+
+
+def kinds(value: Any) -> Iterator[type]:
+    """The classes of a configuration and of all parts of it."""
+    if dataclasses.is_dataclass(value):
+        yield type(value)
+        for field in dataclasses.fields(value):
+            yield from kinds(getattr(value, field.name))
+    elif isinstance(value, tuple | list):
+        for one in value:
+            yield from kinds(one)
+
+
+def within_own(kind: type) -> bool:
+    """Whether a class is of this project."""
+    return kind.__module__.partition(".")[0] in OWN
+
+
+@cache
+def _installed() -> str:
+    """Python, the versions of all packages, and what every file of this project holds."""
+    packages = sorted(f"{one.name} {one.version}" for one in metadata.distributions())
+    files = sorted(path for name in OWN for folder in _folders_of(name) for path in folder.rglob("*") if _counts(path))
+    content = [f"{path.name} {_digest(path.read_bytes())}" for path in files]
+    return "\n".join((sys.version, *packages, *content))
+
+
+def _folders_of(package: str) -> list[Path]:
+    spec = importlib.util.find_spec(package)
+    return [Path(one) for one in (spec and spec.submodule_search_locations) or ()]
+
+
+def _counts(path: Path) -> bool:
+    return path.is_file() and path.parent.name != "__pycache__"
+
+
+def _jax() -> str:
+    """How JAX is set, and for which hardware it traces."""
+    values: dict[str, Any] = jax.config.values  # type: ignore[attr-defined]
+    devices = sorted({device.device_kind for device in jax.devices()})
+    return repr((sorted(values.items(), key=lambda item: item[0]), jax.default_backend(), devices))
+
+
+def _form(x: np.ndarray) -> str:
+    return f"{x.dtype}{x.shape}"
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

@@ -1,0 +1,156 @@
+"""A traced iteration on disk: what is read from there trains as what was traced, and a damaged file is not believed."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flax import struct
+
+from envs.zones import ZoneConfig, ZoneEnv
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training import kept_trace
+from t2tl_jax.training.program import params_of_seeds, trace
+from t2tl_jax.training.types import Metrics
+from tests.four_devices import run_on_four_devices
+from tests.training.test_program import counting
+
+
+@struct.dataclass
+class State:
+    params: jax.Array
+    key: jax.Array
+
+
+def drawing(traced=lambda: None):
+    """A learner that adds what it draws; `traced` is told whenever its iteration is traced."""
+    whole = counting()
+
+    def iterate(state, env_params):
+        traced()
+        key, own = jax.random.split(state.key)
+        drawn = jax.random.uniform(own)
+        _, metrics = whole.iterate(state, env_params)
+        return state.replace(params=state.params + drawn, key=key), metrics.replace(
+            scalars={"drawn": drawn, "a": drawn}
+        )
+
+    return whole._replace(init=lambda key, env_params: State(jnp.float32(0), key), iterate=iterate)
+
+
+@pytest.fixture(scope="module")
+def env() -> TaskEnv:
+    zones = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=4))
+    return TaskEnv(zones, compile_tasks("F Red", zones.propositions, zones.alphabet))
+
+
+@pytest.fixture(autouse=True)
+def keeps_all(monkeypatch):
+    monkeypatch.setattr(kept_trace, "SOON", 0.0)
+
+
+def trained(agent, env, file, iterations=3):
+    """What three iterations of two seeds come to."""
+    program = trace(agent, (0, 7), params_of_seeds(env, (0, 7)), kept=file)
+    state, iterate = program.lowered_init.compile()(program.keys, program.env_params), program.lowered_iterate.compile()
+    for _ in range(iterations):
+        state, metrics = iterate(state, program.env_params)
+    return jax.tree.map(np.asarray, (state.params, jax.random.key_data(state.key), metrics))
+
+
+def equal(one, other):
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    jax.tree.map(np.testing.assert_array_equal, one, other)
+    return True
+
+
+def test_what_was_kept_is_not_traced_again_and_trains_the_same(env, tmp_path):
+    times, file = [], tmp_path / "a.trace"
+    agent = drawing(lambda: times.append(1))
+    plain = trained(agent, env, None)
+    del times[:]
+    assert equal(trained(agent, env, file), plain) and times and file.is_file()
+    del times[:]
+    assert equal(trained(agent, env, file), plain) and not times
+    assert isinstance(plain[2], Metrics) and [one.name for one in tmp_path.iterdir()] == ["a.trace"]
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda x: x[:-1], lambda x: b"", lambda x: b"{}\n" + x, lambda x: b"[1]\n", bytes.upper]
+)
+def test_a_damaged_file_is_written_anew(env, tmp_path, damage):
+    file = tmp_path / "a.trace"
+    trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=file)
+    whole = file.read_bytes()
+    file.write_bytes(damage(whole))
+    times = []
+    trace(drawing(lambda: times.append(1)), (0,), params_of_seeds(env, (0,)), kept=file)
+    assert times and len(file.read_bytes()) == len(whole)
+
+
+def test_a_quick_trace_is_not_kept(env, tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_trace, "SOON", 60.0)
+    assert trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace").lowered_iterate
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_written_is_no_reason_to_stop(env, tmp_path):
+    (tmp_path / "file").touch()
+    assert trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "file" / "a.trace").lowered_iterate
+
+
+def test_only_so_many_are_kept(env, tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_trace, "MOST_FILES", 2)
+    for name in "abc":
+        trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / f"{name}.trace")
+    assert len(list(tmp_path.iterdir())) == 2 and (tmp_path / "c.trace").is_file()
+
+
+@pytest.mark.parametrize("to", [np.zeros(2, np.float32), np.float16(0), ()])
+def test_a_state_that_changes_its_form_is_told_as_ever(env, tmp_path, to):
+    def grows(state, env_params):
+        return state.replace(params=jax.tree.map(jnp.asarray, to)), counting().iterate(state, env_params)[1]
+
+    with pytest.raises(TypeError, match="iterate"):
+        trace(counting(iterate=grows), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_mistake_of_the_learner_is_told_as_ever(env, tmp_path):
+    def wrong(state, env_params):
+        raise ValueError("this learner has a fault")
+
+    with pytest.raises(ValueError, match="this learner has a fault"):
+        trace(counting(iterate=wrong), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace")
+
+
+@pytest.mark.slow
+def test_over_four_devices_too(tmp_path):
+    program = """
+import sys, jax, numpy as np
+from pathlib import Path
+from tests.training.test_kept_trace import drawing
+from envs.zones import ZoneConfig, ZoneEnv
+from t2tl_jax.ltl import compile_tasks
+from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training import kept_trace
+from t2tl_jax.training.program import params_of_seeds, trace
+from t2tl_jax.training.devices import seed_sharding
+kept_trace.SOON = 0.0
+zones = ZoneEnv(ZoneConfig(physics="closed_form", layout="random", pool_size=4))
+env, seeds, times = TaskEnv(zones, compile_tasks("F Red", zones.propositions, zones.alphabet)), (0, 1, 2, 3), []
+def trained(file):
+    agent = drawing(lambda: times.append(1))
+    program = trace(agent, seeds, params_of_seeds(env, seeds), sharding=seed_sharding(4), kept=file)
+    state, iterate = program.lowered_init.compile()(program.keys, program.env_params), program.lowered_iterate.compile()
+    for _ in range(3): state, metrics = iterate(state, program.env_params)
+    assert len(state.params.sharding.device_set) == len(state.key.sharding.device_set) == 4
+    return np.asarray(state.params), np.asarray(metrics.scalars["drawn"])
+file = Path(sys.argv[1])
+plain, first = trained(None), trained(file)
+del times[:]
+second = trained(file)
+assert not times and file.is_file()
+for one in (first, second): np.testing.assert_array_equal(one, plain)
+"""
+    run_on_four_devices(program, str(tmp_path / "a.trace"))
