@@ -35,6 +35,8 @@ class Arguments:
     """Trainings as CONFIG, CONFIG:METHOD, CONFIG:METHOD:PHYSICS or CONFIG:METHOD:PHYSICS:ENVIRONMENTS."""
     seeds: int = 12
     """How many seeds at once."""
+    traces: bool = True
+    """Keep traced programs on disk too, as runs do, and not only compiled ones."""
     here: bool = False
     """Start the first training once, in this process, with programs kept in JAX_COMPILATION_CACHE_DIR, and print
     JSON: this is what the processes do."""
@@ -60,14 +62,14 @@ def _main(texts: list[str]) -> int:
     with explained():
         configs = {text: replace(training(text), seeds=str(arguments.seeds)) for text in arguments.trainings}
     if arguments.here:
-        print(json.dumps(start(configs[arguments.trainings[0]])))
+        print(json.dumps(start(configs[arguments.trainings[0]], arguments.traces)))
         return 0
     found: dict[str, dict[str, Any]] = {}
     for text in configs:
         found[text] = {}
         with tempfile.TemporaryDirectory() as folder:
             for which in WHICH:
-                found[text][which] = in_a_process(text, arguments.seeds, folder)
+                found[text][which] = in_a_process(text, arguments, folder)
                 print(f"{text}, {which} start: {_said(found[text][which])}", flush=True)
                 json_file.store_so_far(arguments, "experiments.benchmarks.starts", texts, starts=found)
     json_file.store(arguments, "experiments.benchmarks.starts", texts, starts=found)
@@ -78,17 +80,18 @@ def _said(one: dict[str, float]) -> str:
     return ", ".join(f"{name} {seconds:.1f} s" for name, seconds in one.items())
 
 
-def in_a_process(text: str, seeds: int, folder: str) -> dict[str, float]:
+def in_a_process(text: str, arguments: Arguments, folder: str) -> dict[str, float]:
     """Start a training in a new process, whose programs lie in a folder; `start`, and ``process``, the seconds
     of the whole process.
 
     Raises:
         UserError: if the process fails; its output is in the message.
     """
-    command = [sys.executable, "-m", "experiments.benchmarks.starts", "--here", "True"]
+    command = [sys.executable, "-m", "experiments.benchmarks.starts", "--here", "True", "--trainings", text]
+    command += ["--seeds", str(arguments.seeds), "--traces", str(arguments.traces)]
     begin = time.perf_counter()
     done = subprocess.run(
-        [*command, "--trainings", text, "--seeds", str(seeds)],
+        command,
         env=os.environ | {"JAX_COMPILATION_CACHE_DIR": folder},
         capture_output=True,
         text=True,
@@ -103,7 +106,7 @@ def in_a_process(text: str, seeds: int, folder: str) -> dict[str, float]:
     return told | {"process": took}
 
 
-def start(config: Any) -> dict[str, float]:
+def start(config: Any, traces: bool) -> dict[str, float]:
     """Build, compile and run one iteration of a training, as a run does; seconds since this module was loaded until it
     was traced (``traced``), of compiling, and until the iteration was done (``done``)."""
     import jax
@@ -112,7 +115,8 @@ def start(config: Any) -> dict[str, float]:
     from t2tl_jax.runs.compilation import Compilation
     from t2tl_jax.runs.experiment import build
 
-    compilation_cache.use(config.run.compilation_cache)
+    if traces:
+        compilation_cache.use(config.run.compilation_cache)
     program = build(config).program
     traced = time.perf_counter() - STARTED
     compiled = Compilation(program, fresh=True).result()

@@ -74,8 +74,8 @@ class RunConfig:
     progress: bool = True
     """Show a progress bar."""
     compilation_cache: str = field(default_factory=_default_cache)
-    """Folder where compiled programs are kept, so that the next run starts sooner; '' for none. They are code: of a run
-    that is opened again its own folder is not taken, but the default one, or that of the command."""
+    """Folder where compiled and traced programs are kept, so that the next run starts sooner; '' for none. They are
+    code: of a run that is opened again its own folder is not taken, but the default one, or that of the command."""
     seeds_at_once: Count = 0
     """The most seeds that are on the devices together; 0 for as many as fit into their memory. The others wait on the
     host, and every iteration goes through all groups."""
