@@ -71,14 +71,14 @@ STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 """Of `experiments.benchmarks.starts`, among the results; and of the same and a benchmark under
 ``XLA_FLAGS=--xla_gpu_enable_triton_gemm=false``."""
 
-NOTE = """Frames/s are those of the newest benchmark. An aim for compiling or starting is reached where every benchmark and
-every start that is stored is within it, since they vary with the processor of the host and what else it does.
-Compiling does not count tracing, which the tables above show beside it. Trainings that began beside others on a
-GPU compiled for longer; their seconds are on the page of [results](results.md). A start is a whole process that
+NOTE = """Frames/s are those of the newest benchmark. An aim for compiling or starting is reached where every
+benchmark and every start that is stored is within it, since they vary with the processor of the host and what else
+it does. Compiling does not count tracing, which the tables above show beside it. Trainings that began beside others
+on a GPU compiled for longer; their seconds are on the page of [results](results.md). A start is a whole process that
 trains for one iteration, without pre-training (`python -m experiments.benchmarks.starts`). A second one finds
-compiled programs on disk, which JAX keeps, and the iteration as it was traced, which this project keeps beside
-them ([how](../t2tl_jax/runs/kept_traces.py)). The aim was for such starts; those with compiled programs alone
-stand behind them, and were measured with an earlier commit where no others of the same hardware are there."""
+compiled programs on disk, which JAX keeps, and the iteration as it was traced, which this project keeps beside them
+([how](../t2tl_jax/runs/kept_traces.py)). The aim was for such starts; those with compiled programs alone stand
+behind them, and were measured with an earlier commit where no others of the same hardware are there."""
 
 LAYERS = """Most of T1TL's compiling is the choice of a kernel for each of about a hundred matrix products, most of them
 of the task's Transformer, whose four layers are written out. Layers in a loop halve the products. On a CPU they compile
