@@ -83,7 +83,7 @@ def scaling(results: Path) -> str:
         ]
         columns = ("what", "one device", "several devices", "ratio (range)")
         parts += [table(columns, rows), origin([versions for versions, _ in here]), _what_limits(grown)]
-    parts.append(_less_busy(results, [pair for _, found in same_work for pair in found]))
+    parts.append(_less_busy(results, [(where["devices"][0], pair) for where, found in same_work for pair in found]))
     return "\n\n".join(part for part in parts if part) or NOTHING
 
 
@@ -181,18 +181,18 @@ def _what_limits(found: Sequence[Pair]) -> str:
     )
 
 
-def _less_busy(results: Path, shared: Sequence[Pair]) -> str:
-    """What several devices could make of the same seeds if each only had fewer of them: by what one device makes of
-    fewer, of whatever commit; '' where that is not known."""
-    newest: dict[tuple[str, ...], float] = {
-        row.key: row.rate
+def _less_busy(results: Path, shared: Sequence[tuple[str, Pair]]) -> str:
+    """What several devices could make of the same seeds if each only had fewer of them: by what one device of the kind
+    makes of fewer, of whatever commit; '' where that is not known."""
+    newest: dict[tuple[str, tuple[str, ...]], float] = {
+        (where["devices"][0], row.key): row.rate
         for where, rows in in_time(results)
         if len(where["devices"]) == 1 and _setting(where) is not None
         for row in rows
     }
     said, kept = [], []
-    for pair in shared:
-        fewer = newest.get(of_each(pair.several, pair.count))
+    for kind, pair in shared:
+        fewer = newest.get((kind, of_each(pair.several, pair.count)))
         if fewer is not None and pair.one.part == "training":
             could = pair.count * fewer / pair.one.rate
             kept.append(pair.ratio >= FULL * could)
