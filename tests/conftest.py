@@ -9,6 +9,7 @@ as the session; Python looks for garbage among them less often.
 import gc
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import jax
@@ -63,6 +64,22 @@ def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
     if "drawn" not in request.fixturenames:
         monkeypatch.setattr("t2tl_jax.evaluation.curves.plot_learning_curves", touch)
+
+
+@pytest.fixture
+def keeps_traces() -> Iterator[None]:
+    """For tests of traced programs on disk: commands in this process keep them, until the test is over."""
+    from t2tl_jax.runs import kept_traces
+
+    yield
+    kept_traces.use(None)
+
+
+@pytest.fixture(autouse=True)
+def traces_anew(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Elsewhere they do not: tests change the code that is traced. Commands in other processes keep them as ever."""
+    if "keeps_traces" not in request.fixturenames:
+        monkeypatch.setattr("t2tl_jax.runs.kept_traces.use", lambda folder: None)
 
 
 @pytest.fixture

@@ -34,10 +34,9 @@ def config():
 
 
 @pytest.fixture
-def kept(tmp_path):
+def kept(tmp_path, keeps_traces):
     kept_traces.use(tmp_path / "kept")
-    yield tmp_path / "kept"
-    kept_traces.use(None)
+    return tmp_path / "kept"
 
 
 def file_of(config):
@@ -148,7 +147,7 @@ def test_a_kept_training_is_the_same_bit_for_bit(config, kept, monkeypatch):
             np.testing.assert_array_equal(plain, other)
 
 
-def test_entry_points_turn_it_on_where_programs_are_kept(tmp_path, monkeypatch):
+def test_entry_points_turn_it_on_where_programs_are_kept(tmp_path, monkeypatch, keeps_traces):
     before = jax.config.jax_compilation_cache_dir
     try:
         monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "a"))
@@ -163,4 +162,3 @@ def test_entry_points_turn_it_on_where_programs_are_kept(tmp_path, monkeypatch):
         assert kept_traces._folders == [tmp_path / "b"]
     finally:
         jax.config.update("jax_compilation_cache_dir", before)
-        kept_traces.use(None)
