@@ -44,7 +44,8 @@ def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> 
         arguments: what the program is given beside its state, of which only shapes count.
         sharding: over which devices it is spread.
     """
-    if not _folders or isinstance(config.env, GivenEnv) or not all(map(within_own, kinds(config))):
+    settings = getattr(jax.config, "values", None)  # which is no promise of JAX
+    if not _folders or settings is None or isinstance(config.env, GivenEnv) or not all(map(within_own, kinds(config))):
         return None
     named = {
         field.name: getattr(without_numbers(config), field.name)
@@ -54,15 +55,13 @@ def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> 
     leaves, structure = jax.tree.flatten(arguments)
     parts = (
         _installed(),
-        _jax(),
+        repr(sorted(settings.items())),
+        repr((jax.default_backend(), sorted({device.device_kind for device in jax.devices()}))),
         repr(named),
         str(jax.tree.structure(table)),
-        *(
-            f"{x.dtype}{x.shape}{hashlib.sha256(x.tobytes()).hexdigest()}"
-            for x in map(np.asarray, jax.tree.leaves(table))
-        ),
+        *(_form(x) + _digest(x.tobytes()) for x in map(np.asarray, jax.tree.leaves(table))),
         f"{structure} {sharding}",
-        *(f"{x.dtype}{x.shape}" for x in map(np.asarray, leaves)),
+        *(_form(x) for x in map(np.asarray, leaves)),
     )
     return _folders[0] / f"{_digest(chr(0).join(parts).encode())[:32]}.trace"
 
@@ -99,13 +98,6 @@ def _folders_of(package: str) -> list[Path]:
 
 def _counts(path: Path) -> bool:
     return path.is_file() and path.parent.name != "__pycache__"
-
-
-def _jax() -> str:
-    """How JAX is set, and for which hardware it traces."""
-    values: dict[str, Any] = jax.config.values  # type: ignore[attr-defined]
-    devices = sorted({device.device_kind for device in jax.devices()})
-    return repr((sorted(values.items(), key=lambda item: item[0]), jax.default_backend(), devices))
 
 
 def _form(x: np.ndarray) -> str:
