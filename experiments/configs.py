@@ -66,6 +66,7 @@ ZONE_PUBLISHED = Config(
             context=ContextConfig(
                 reader=replace(_PUBLISHED_READER, layers=2),
                 reset=False,
+                first_token="made_up",
                 aligned=False,
                 halved=True,
                 recompute=False,

@@ -12,6 +12,7 @@ from experiments.reproduction.sections import (
     benchmark,
     chance,
     figures,
+    published_more,
     safe,
     search,
     settings,
@@ -185,6 +186,13 @@ PAPER_ITEMS: dict[str, Item] = {
         ("zone-published-t1tl", *figures.PUBLISHED_PIECES),
         figures.published_pieces,
         smoke=("zone-published-t1tl", "zone-published-t1tl-correlated-noise"),
+    ),
+    "published-more": Item(
+        "The published program on 24 more seeds, and the sign of its untrained critic",
+        published_more.MORE,
+        published_more.more_seeds,
+        smoke=published_more.MORE[1:],
+        beside=published_more.BEFORE,
     ),
     "reader": Item(
         "A GRU instead of the context Transformer",

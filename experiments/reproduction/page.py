@@ -59,7 +59,7 @@ def page(
     parts, sections = [], {}
     for name, item in items.items():
         missing = [run for run in item.runs if run not in runs]
-        there = {run: runs[run] for run in item.runs if run in runs}
+        there = {run: runs[run] for run in (*item.beside, *item.runs) if run in runs}
         parts.append(f"## {item.title}\n\n    python -m experiments.reproduce --only {name}")
         if smoke:
             parts.append(SMOKE)

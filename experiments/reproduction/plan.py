@@ -66,6 +66,8 @@ class Item:
     """(stored runs by name) -> its Markdown, without the title."""
     smoke: tuple[str, ...] = ()
     """The runs of a smoke test, where every other one would run the same lines; by default the first one."""
+    beside: tuple[str, ...] = ()
+    """Names of other items' runs that it shows too, where they are there; it does not have them done."""
 
     def names(self, scale: ScaleName) -> tuple[str, ...]:
         """The runs that are done at a scale."""

@@ -58,6 +58,10 @@ SOONER = ("", "-per-16", "-short-exploration")
 BEGINNING = tuple(f"water-{name}{how}" for name in ("t1tl", "rm") for how in SOONER)
 
 
+MORE_SEEDS = ",".join(map(str, range(36, 60)))
+"""Of the published program's second runs: the numbers that come next, chosen before any of their outcomes was known."""
+
+
 def again_name(name: str) -> str:
     """Name of a main run made once more."""
     return f"{name}-again"
@@ -148,9 +152,10 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
     new["prime-progression-paper"] = Run(dropping, _pretraining(new, "prime-progression-paper", dropping))
     new["prime-labels-state"] = Run(replace(prime, labels="state"), "prime-pretraining-transformer")
     published = named_config("zone_ppo_published")
-    new["zone-published"] = Run(published, _pretraining(new, "zone-published", published))
+    without = _with_context(published, first_token="none")  # it was made before there was that token
+    new["zone-published"] = Run(without, _pretraining(new, "zone-published", without))
     new["zone-gru-reader"] = Run(_with_gru_reader(short), "zone-pretraining-transformer")
-    return new | published_pieces()
+    return new | published_pieces() | _published_more()
 
 
 def published_pieces() -> dict[str, Run]:
@@ -159,9 +164,7 @@ def published_pieces() -> dict[str, Run]:
 
     The motion is in closed form, since MJX takes long to step so few environments so often.
     """
-    base = apply(named_config("zone_ppo_published"), "t1tl")
-    env: Any = base.env
-    base = replace(base, env=replace(env, physics="closed_form"), pretrained="")
+    base = replace(apply(_published_in_closed_form(), "t1tl"), pretrained="")
     default: Any = apply(named_config("zone_ppo_long"), "t1tl").learner
 
     def of_network(name: str) -> Any:
@@ -185,6 +188,22 @@ def published_pieces() -> dict[str, Run]:
         "-timeouts-normalised": _changed(no_end, normalise_advantage=True),
     }
     return {f"zone-published-t1tl{name}": Run(replace(base, learner=learner)) for name, learner in learners.items()}
+
+
+def _published_more() -> dict[str, Run]:
+    """The published program on as many other seeds as both of its runs had together, all of it in closed form: T1TL
+    without pre-training as before, and T2TL with its pre-training and the first token of its windows."""
+    t1tl, t2tl = published_pieces()["zone-published-t1tl"], _published_in_closed_form()
+    new: dict[str, Run] = {}
+    new["zone-published-t2tl-more"] = Run(t2tl, _pretraining(new, "zone-published-more", t2tl))
+    new["zone-published-t1tl-more"] = t1tl
+    return {name: replace(run, seeds=MORE_SEEDS) for name, run in new.items()}
+
+
+def _published_in_closed_form() -> Config:
+    published = named_config("zone_ppo_published")
+    env: Any = published.env
+    return replace(published, env=replace(env, physics="closed_form"))
 
 
 def _water(runs: dict[str, Run]) -> dict[str, Run]:
@@ -360,8 +379,13 @@ def _with_encoder(config: Config, **changes: Any) -> Config:
 
 def _with_gru_reader(config: Config) -> Config:
     """The configuration with a GRU instead of a Transformer over its context window."""
+    return _with_context(config, reader=GRUConfig(width=32))
+
+
+def _with_context(config: Config, **changes: Any) -> Config:
+    """The configuration with a context window that is another one in some fields."""
     learner: Any = config.learner
-    context = replace(learner.network.context, reader=GRUConfig(width=32))
+    context = replace(learner.network.context, **changes)
     return replace(config, learner=_changed(learner, network=replace(learner.network, context=context)))
 
 

@@ -66,6 +66,10 @@ class Transitions:
 Known = tuple[jax.Array | None, Carry, Carry]
 
 
+MADE_UP = 2**20
+"""Tells the key of made-up actions from the numbers of the first noise, which are drawn with the same one."""
+
+
 def noise_correlation(config: PPOConfig, progress: jax.Array) -> jax.Array:
     """Correlation of successive exploration noises, exp(-1 / time), where the time falls linearly with `progress`."""
     time = config.noise_time * jnp.maximum(0.0, 1.0 - progress / config.noise_decay)
@@ -110,12 +114,21 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
     def begin_all(env_params: TaskParams, key: jax.Array) -> Episode:
         return begin(env, env_params, key, config.num_envs, episode_length, config.staggered_start)
 
+    def made_up(key: jax.Array) -> jax.Array:
+        """A random action in every environment, which nobody takes: [N, A], or int32[N] where actions are discrete."""
+        key = jax.random.fold_in(key, MADE_UP)
+        if discrete:
+            return jax.random.randint(key, (config.num_envs,), 0, network.action_size)
+        return jax.random.uniform(key, (config.num_envs, network.action_size), minval=-1.0, maxval=1.0)
+
     def init(key: jax.Array, env_params: TaskParams) -> PPOState:
         params_key, episodes_key, noise_key, key = jax.random.split(key, 4)
         episodes = begin_all(env_params, episodes_key)
         carry = repeated(begin_carry(), config.num_envs)
         obs, row = episodes.state.obs, env.row(episodes.state)
         params = network.init(params_key, env_params.table, obs, row, carry, method="initialise")
+        if context is not None and context.first_token == "made_up":
+            carry = remember(params, carry, obs, made_up(noise_key), jnp.zeros(config.num_envs))
         return PPOState(
             params=params,
             opt_state=optimizer.init(params),

@@ -14,7 +14,7 @@ With `carried=True` a policy carries a GRU's state instead, through the whole ep
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -48,6 +48,11 @@ class ContextConfig:
     segments should be longer."""
     reset: bool = True
     """Empty the window at the start of every episode (paper); the published code never does."""
+    first_token: Literal["none", "made_up"] = "none"
+    """What the windows of PPO hold when a training begins: nothing (paper), or one token that no step has made, of a
+    random action, reward 0 and the first observation (published code). The published reader needs it: at an empty
+    window, where all tokens are alike, its gradient is about a million times as large. Windows of evaluations begin
+    empty in either case. Needs reset=False."""
     aligned: bool = True
     """Update every sample with its own window; False gives it that of another sample, as the published code does."""
     halved: bool = False
@@ -91,6 +96,16 @@ class ContextConfig:
             raise ValueError(
                 "with carried=True there are no windows to misalign and no embeddings to keep; it needs aligned=True "
                 f"and recompute=True, got aligned={self.aligned} and recompute={self.recompute}"
+            )
+        if self.first_token != "none" and self.carried:
+            raise ValueError(
+                f"first_token={self.first_token} is put into a window, and a state that is carried has none; use "
+                "first_token=none, or carried=False"
+            )
+        if self.first_token != "none" and self.reset:
+            raise ValueError(
+                f"with reset=True every episode begins with an empty window; first_token={self.first_token} needs "
+                "reset=False"
             )
         if self.halved and not isinstance(self.reader, TransformerConfig):
             raise ValueError(

@@ -79,6 +79,11 @@ class QNetworkConfig:
             )
         if self.context is not None and not self.context.aligned:
             raise ValueError("context.aligned=False is a mistake in PPO's order of samples; replay has no such order")
+        if self.context is not None and self.context.first_token != "none":
+            raise ValueError(
+                f"context.first_token={self.context.first_token} is of PPO's windows when a training begins; DQN's "
+                "begin empty: use first_token=none"
+            )
         if self.context is not None and not self.state_layers:
             raise ValueError("a context needs a first layer of the state to embed observations, got state_layers=()")
 
