@@ -58,8 +58,11 @@ SOONER = ("", "-per-16", "-short-exploration")
 BEGINNING = tuple(f"water-{name}{how}" for name in ("t1tl", "rm") for how in SOONER)
 
 
-MORE_SEEDS = ",".join(map(str, range(36, 60)))
+MORE_SEED, MORE_SEEDS = 36, ",".join(map(str, range(36, 60)))
 """Of the published program's second runs: the numbers that come next, chosen before any of their outcomes was known."""
+
+MORE = "-more"
+"""What their names end with."""
 
 
 def again_name(name: str) -> str:
@@ -97,7 +100,7 @@ def all_runs() -> dict[str, Run]:
         for part in parts:
             for name, run in part(runs).items():
                 assert name not in runs, name
-                runs[name] = replace(run, first_seed=first_seed)
+                runs[name] = replace(run, first_seed=run.first_seed or first_seed)
     return runs | _own_rates(runs) | any_runs()
 
 
@@ -195,9 +198,9 @@ def _published_more() -> dict[str, Run]:
     without pre-training as before, and T2TL with its pre-training and the first token of its windows."""
     t1tl, t2tl = published_pieces()["zone-published-t1tl"], _published_in_closed_form()
     new: dict[str, Run] = {}
-    new["zone-published-t2tl-more"] = Run(t2tl, _pretraining(new, "zone-published-more", t2tl))
-    new["zone-published-t1tl-more"] = t1tl
-    return {name: replace(run, seeds=MORE_SEEDS) for name, run in new.items()}
+    new[f"zone-published-t2tl{MORE}"] = Run(t2tl, _pretraining(new, f"zone-published{MORE}", t2tl))
+    new[f"zone-published-t1tl{MORE}"] = t1tl
+    return {name: replace(run, seeds=MORE_SEEDS, first_seed=MORE_SEED) for name, run in new.items()}
 
 
 def _published_in_closed_form() -> Config:
