@@ -57,9 +57,8 @@ AIMS = (
     Aim(T2TL, ONE, least=500_000),
     Aim(T1TL, ONE, least=800_000),
     Aim("waterworld_dqn:t1tl", TWELVE, least=DQN_AIM),
-    Aim(T1TL, TWELVE, within=20),
-    Aim(T2TL, TWELVE, within=30),
-    *(Aim(what, TWELVE, again=10, devices=devices) for devices in (H200, H100) for what in (T1TL, T2TL)),
+    *(Aim(what, TWELVE, within=s, devices=on) for on in (H200, H100) for what, s in ((T1TL, 20), (T2TL, 30))),
+    *(Aim(what, TWELVE, again=10, devices=on) for on in (H200, H100) for what in (T1TL, T2TL)),
     Aim(SHORT_T2TL, ONE, least=6_000, devices=TWO_CORES),
     Aim(SHORT_T1TL, ONE, least=30_000, devices=TWO_CORES),
 )

@@ -58,9 +58,14 @@ SOONER = ("", "-per-16", "-short-exploration")
 BEGINNING = tuple(f"water-{name}{how}" for name in ("t1tl", "rm") for how in SOONER)
 
 
-MORE_SEEDS, FEWER_MORE_SEEDS = (",".join(map(str, range(36, end))) for end in (60, 48))
-"""Of the published program's second runs of T1TL and of T2TL, which takes longer: the numbers that come next, chosen
-before any of their outcomes was known."""
+MORE_SEED = 36
+"""The first of the published program's second runs, whose seeds are the numbers that come next, chosen before any of
+their outcomes was known."""
+MORE_SEEDS, FEWER_MORE_SEEDS = (",".join(map(str, range(MORE_SEED, end))) for end in (60, 48))
+"""Those of T1TL, and of T2TL, which takes longer."""
+
+MORE = "-more"
+"""What their names end with."""
 
 
 def again_name(name: str) -> str:
@@ -98,7 +103,7 @@ def all_runs() -> dict[str, Run]:
         for part in parts:
             for name, run in part(runs).items():
                 assert name not in runs, name
-                runs[name] = replace(run, first_seed=first_seed)
+                runs[name] = replace(run, first_seed=run.first_seed or first_seed)
     return runs | _own_rates(runs) | any_runs()
 
 
@@ -196,9 +201,10 @@ def _published_more() -> dict[str, Run]:
     with its pre-training and the first token of its windows."""
     t1tl, t2tl = published_pieces()["zone-published-t1tl"], _published_in_closed_form()
     new: dict[str, Run] = {}
-    new["zone-published-t2tl-more"] = Run(t2tl, _pretraining(new, "zone-published-more", t2tl))
+    new[f"zone-published-t2tl{MORE}"] = Run(t2tl, _pretraining(new, f"zone-published{MORE}", t2tl))
     new = {name: replace(run, seeds=FEWER_MORE_SEEDS) for name, run in new.items()}
-    return new | {"zone-published-t1tl-more": replace(t1tl, seeds=MORE_SEEDS)}
+    new[f"zone-published-t1tl{MORE}"] = replace(t1tl, seeds=MORE_SEEDS)
+    return {name: replace(run, first_seed=MORE_SEED) for name, run in new.items()}
 
 
 def _published_in_closed_form() -> Config:

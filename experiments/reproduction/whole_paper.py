@@ -7,7 +7,7 @@ from pathlib import Path
 
 from experiments.reproduction import rates
 from experiments.reproduction.page import origin, paragraph
-from experiments.reproduction.runs import again_name
+from experiments.reproduction.runs import MORE, again_name
 from experiments.reproduction.sections import figures
 from experiments.reproduction.sections.ablation import EVERY
 from experiments.reproduction.stored import Stored
@@ -69,9 +69,9 @@ def where_the_minutes_are(runs: Mapping[str, Stored]) -> str:
 
 
 def _beside(name: str) -> bool:
-    """Whether a run is of a search, one that was made again, or a piece of the published program."""
-    begins = name.startswith(("search-", figures.BASE))
-    return begins or name.endswith((again_name(""), rates.own_name("")))
+    """Whether a run is of a search, one that was made again or on more seeds, or a piece of the published program."""
+    begins = name.startswith(("search-", figures.BASE, f"zone-published{MORE}"))
+    return begins or name.endswith((again_name(""), rates.own_name(""), MORE))
 
 
 def _benchmark_steps(runs: Mapping[str, Stored]) -> str:

@@ -71,7 +71,7 @@ def test_a_gru_reads_the_window_that_acted():
 @pytest.mark.parametrize("aligned", [True, False])
 def test_published_windows_run_on_and_belong_to_other_samples(aligned):
     published = {"reset": False, "recompute": False, "aligned": aligned, "segment_length": 8 if aligned else 1}
-    env, agent = make(network=SMALL, **published)
+    env, agent = make(network=SMALL, **published, first_token="made_up")
     given = env.make_params(0)
     state = jax.jit(begun_quickly(agent).init)(jax.random.key(0), given)
     iterate = jax.jit(agent.iterate)

@@ -284,6 +284,7 @@ def test_where_the_minutes_are_is_counted_without_repetitions_and_without_update
     names = {
         "rm-ql": 60, "water-rm-every-step": 30, "water-rm": 100, "water-pretraining-gnn": 8, "zone-published": 1,
         "water-rm-again": 500, "water-dfa_cont-own-rate": 501, "search-water-rm-low": 502, "zone-published-t1tl": 503,
+        "zone-published-more-pretraining-transformer": 504, "zone-published-t2tl-more": 505,
     }  # fmt: skip
 
     def run(hour, minutes):

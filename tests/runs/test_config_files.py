@@ -138,6 +138,12 @@ def test_a_run_from_before_segments_goes_on_with_single_steps():
     assert config.learner.network.context == ContextConfig(length=8, aligned=False, segment_length=1)
 
 
+def test_a_run_from_before_the_first_token_began_with_empty_windows():
+    data = json.loads(config_files.to_json(ZONE))
+    del data["learner"]["network"]["context"]["first_token"]
+    assert config_files.from_json(json.dumps(data), "config.json") == ZONE
+
+
 def test_a_run_from_before_new_maps_keeps_its_maps():
     data = json.loads(config_files.to_json(ZONE))
     assert config_files.from_json(json.dumps(data | {"map_period": 5}), "config.json").map_period == 5

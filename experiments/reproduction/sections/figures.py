@@ -277,11 +277,20 @@ def found_or_not(run: Stored) -> str:
     heading = ("success in training", "seeds", "return at the end", "best success in training")
     said = (
         "Seeds are split by how they came out, so that neither line compares with the published mean; some find the "
-        "task late, and others might with more frames. Why they find it so late or not at all is open: the next "
-        "section changes one choice at a time, and two pairs, of T1TL without pre-training. [Methods](methods.md) "
-        "lists what of the published code is left out."
+        "task late, and others might with more frames. Why they find it so late or not at all is not settled: the next "
+        "section changes one choice at a time, and two pairs, of T1TL without pre-training, and the one behind it "
+        "(`--only published-more`) looks at the critic that seeds begin with. [Methods](methods.md) lists what of the "
+        f"published code is left out{_without_token(run)}."
     )
     return _joined(table(heading, rows), said, noise(run))
+
+
+def _without_token(run: Stored) -> str:
+    """That a run is from before the first token of the window, which the published program has now."""
+    learner: Any = run.config.learner
+    context = learner.network.context
+    late = context is not None and context.first_token == "none"
+    return ", and this run is also without the first token of the window, which came later" if late else ""
 
 
 MOST_STD = math.log1p(math.e) + MINIMUM_STD
@@ -318,7 +327,7 @@ def noise(run: Stored) -> str:
         f"The policy's standard deviation is at most {MOST_STD:.3f} (entropy {MOST_ENTROPY:.3f} a dimension; within "
         f"{NEAR} of that is called its limit). Counted are episodes before a seed has found the task. In the seeds "
         f"that never do, {lucky} of {below} episodes succeeded with less noise and {late} of {at} at the limit. What "
-        "drives the noise there is open."
+        "may drive the noise there is looked into below (`--only published-more`)."
     )
     return f"{table(heading, rows)}\n\n{said}"
 
