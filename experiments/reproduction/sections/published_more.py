@@ -10,7 +10,7 @@ from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import below
 from experiments.reproduction.cells import COST, cost
 from experiments.reproduction.page import paragraph, table
-from experiments.reproduction.sections.critic_sign import by_sign
+from experiments.reproduction.sections.critic_sign import begun, by_sign, split
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import curves_by_frames
 from experiments.tuning import in_words
@@ -31,8 +31,8 @@ _T2TL = ZONE_CURVES["T2TL_pre (published)"]
 PUBLISHED = {name: curve for names, curve in zip(GROUPS.values(), (_T1TL, _T2TL), strict=True) for name in names}
 """The published curve of each run: that of T1TL is without pre-training, that of T2TL after it."""
 
-DIFFER = """Of T2TL's seeds the first 12 are by MJX and without the first token of the window, the 24 others in closed
-form and with it; all of T1TL's are in closed form."""
+DIFFER = """Of T2TL's seeds the first 12 are by MJX and without the first token of the window, the others in closed form
+and with it; all of T1TL's are in closed form."""
 
 EMPTY = """An empty window is zeros to the published reader, whose gradient there is about a million times as large as
 elsewhere. Every training begins with such windows, unless they hold the made-up first token of the authors' code
@@ -105,7 +105,8 @@ def place(ours: Estimate, published: float) -> str:
 
 
 def remains(runs: Mapping[str, Stored]) -> str:
-    """What all seeds of each method that there are, and the new ones alone, say of the published mean."""
+    """What all seeds of each method that there are, the new ones alone, and those of each sign say of the published
+    mean."""
     said = []
     for method, names in zip(("T1TL without pre-training", "T2TL with its pre-training"), GROUPS.values(), strict=True):
         there = [name for name in names if name in runs]
@@ -119,6 +120,14 @@ def remains(runs: Mapping[str, Stored]) -> str:
         if len(there) > 1:
             end = _end([runs[names[1]]])
             said.append(f"The {end.count} new ones alone: {end.text()}, which {_WORDS[place(end, published)]} mean.")
+        halves = split(seed for name in there for seed in begun(runs[name]))
+        for kind, some in zip(("below 0", "at 0 or above"), halves, strict=True):
+            if len(some) > 1:
+                end = statistics.mean([seed.end for seed in some])
+                said.append(
+                    f"The {end.count} seeds of all that begin {kind}: {end.text()}, which "
+                    f"{_WORDS[place(end, published)]} mean."
+                )
     return paragraph(" ".join(["What remains, by the return at the end.", *said, UNKNOWN]))
 
 
