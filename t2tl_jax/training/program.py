@@ -23,6 +23,22 @@ faults, and the table is the same."""
 
 
 @dataclass(frozen=True)
+class Later:
+    """A function that is lowered when it is compiled, which may be beside other work."""
+
+    lower: Callable[[], Any]
+    """Lowers it."""
+
+    def compile(self) -> Any:
+        """It, compiled."""
+        return self.lower().compile()
+
+    def as_text(self) -> str:
+        """What there is to compile."""
+        return self.lower().as_text()
+
+
+@dataclass(frozen=True)
 class Program:
     """A training program, traced but not compiled. Every array in a state has a leading axis [seeds]."""
 
@@ -36,7 +52,7 @@ class Program:
     """Shapes and dtypes of the training state on the devices, as a tree of ``jax.ShapeDtypeStruct``."""
     sharding: NamedSharding | None
     """Placement of the seeds, and the mesh of all devices; None on a single device."""
-    lowered_init: Any
+    lowered_init: Later
     """``(keys, env_params) -> state``, ready to compile."""
     lowered_iterate: Any
     """``(state, env_params) -> (state, Metrics)``, ready to compile; the given state's memory is reused."""
@@ -134,7 +150,14 @@ def trace(
     def lowered(function: Any, *arguments: Any) -> Any:
         return jax.jit(of_seeds(function), donate_argnums=0, **placed).lower(*arguments)
 
-    with nullcontext() if sharding is None else jax.set_mesh(sharding.mesh):  # type: ignore[arg-type]
+    def meshed() -> Any:
+        return nullcontext() if sharding is None else jax.set_mesh(sharding.mesh)  # type: ignore[arg-type]
+
+    def lowered_init() -> Any:
+        with meshed():
+            return init.lower(keys, env_params)
+
+    with meshed():
         init = jax.jit(of_seeds(lambda key, env_params: _strongly_typed(agent.init(key, env_params))), **placed)
         state, lowered_iterate = _shapes(jax.eval_shape(init, keys, env_params)), None
         if kept is not None:
@@ -142,7 +165,7 @@ def trace(
         if lowered_iterate is None:
             lowered_iterate = lowered(agent.iterate, state, env_params)
         _require_same("iterate", state, _shapes(lowered_iterate.out_info[0]))
-        lowered_init, lowered_restart = init.lower(keys, env_params), None
+        lowered_restart = None
         if restartable:
             lowered_restart = lowered(agent.restart, state, env_params)
             _require_same("restart", state, _shapes(lowered_restart.out_info))
@@ -152,7 +175,7 @@ def trace(
         env_params=env_params,
         state=state,
         sharding=sharding,
-        lowered_init=lowered_init,
+        lowered_init=Later(lowered_init),
         lowered_iterate=lowered_iterate,
         lowered_restart=lowered_restart,
     )
