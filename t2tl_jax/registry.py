@@ -97,6 +97,10 @@ class Registry(Generic[T]):
         """The function that makes what `config` describes; UserError if its class is not registered."""
         return self._find(config)[1].make
 
+    def makers(self) -> dict[type, Callable[..., T]]:
+        """By the class of their configuration, of what is registered by now."""
+        return {kind.config: kind.make for kind in self._kinds.values()}
+
     def _find(self, config: Any) -> tuple[str, Kind[T]]:
         for name, kind in self._kinds.items():
             if kind.config is type(config):

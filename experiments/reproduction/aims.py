@@ -76,8 +76,9 @@ it does. Compiling does not count tracing, which the tables above show beside it
 on a GPU compiled for longer; their seconds are on the page of [results](results.md). A start is a whole process that
 trains for one iteration, without pre-training (`python -m experiments.benchmarks.starts`). A second one finds
 compiled programs on disk, which JAX keeps, and the iteration as it was traced, which this project keeps beside them
-([how](../t2tl_jax/runs/kept_traces.py)). The aim was for such starts; those with compiled programs alone stand
-behind them, and were measured with an earlier commit where no others of the same hardware are there."""
+([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is loading Python's modules, finding the GPU, tracing
+how a run begins, and reading compiled programs. The aim was for such starts; those with compiled programs alone
+stand behind them, and were measured with an earlier commit where no others of the same hardware are there."""
 
 LAYERS = """Most of T1TL's compiling is the choice of a kernel for each of about a hundred matrix products, most of them
 of the task's Transformer, whose four layers are written out. Layers in a loop halve the products. On a CPU they compile

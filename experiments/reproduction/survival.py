@@ -8,15 +8,16 @@ from typing import Any
 from experiments.reproduction.page import origin, paragraph
 from t2tl_jax.runs.folder import read_json
 
-FILE = "kills.json"
+FILES = "kills*.json"
 """Of `experiments.benchmarks.kills`, among the results."""
 
 
 def kills(results: Path) -> str:
-    """How often which run was killed, and whether it came to the same end."""
-    if not (results / FILE).is_file():
-        return "Not measured yet."
-    stored = read_json(results / FILE)
+    """How often which runs were killed, and whether they came to the same end."""
+    return "\n\n".join(_killed(read_json(file)) for file in sorted(results.glob(FILES))) or "Not measured yet."
+
+
+def _killed(stored: Mapping[str, Any]) -> str:
     hits, ends, differing = stored["kills"], stored["ends"], stored["differing"]
     outcome = "all equal bit for bit to one that was let alone" if not differing else f"{differing} of them **differ**"
     text = f"""

@@ -19,6 +19,7 @@ import numpy as np
 
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.runs.config import Config
+from t2tl_jax.runs.config_files import REGISTRIES
 from t2tl_jax.runs.differences import without_numbers
 from t2tl_jax.runs.given_env import GivenEnv
 
@@ -45,7 +46,7 @@ def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> 
         sharding: over which devices it is spread.
     """
     settings = getattr(jax.config, "values", None)  # which is no promise of JAX
-    if not _folders or settings is None or isinstance(config.env, GivenEnv) or not all(map(within_own, kinds(config))):
+    if not _folders or settings is None or isinstance(config.env, GivenEnv) or not is_own(config):
         return None
     named = {
         field.name: getattr(without_numbers(config), field.name)
@@ -66,6 +67,12 @@ def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> 
     return _folders[0] / f"{_digest(chr(0).join(parts).encode())[:32]}.trace"
 
 
+def is_own(config: Config) -> bool:
+    """Whether all parts of a configuration are of this project, and made by it: a plugin may have its own maker."""
+    makers = {kind: make for registry in REGISTRIES.values() for kind, make in registry.makers().items()}
+    return all(_within_own(kind) and _within_own(makers.get(kind, kind)) for kind in kinds(config))
+
+
 def kinds(value: Any) -> Iterator[type]:
     """The classes of a configuration and of all parts of it."""
     if dataclasses.is_dataclass(value):
@@ -77,9 +84,8 @@ def kinds(value: Any) -> Iterator[type]:
             yield from kinds(one)
 
 
-def within_own(kind: type) -> bool:
-    """Whether a class is of this project."""
-    return kind.__module__.partition(".")[0] in OWN
+def _within_own(thing: Any) -> bool:
+    return getattr(thing, "__module__", "").partition(".")[0] in OWN
 
 
 @cache

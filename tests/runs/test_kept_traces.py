@@ -7,11 +7,12 @@ import jax
 import numpy as np
 import pytest
 
+from envs.zones import ZoneEnv
 from experiments.cli import compilation_cache
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
-from t2tl_jax.registry import named_config
+from t2tl_jax.registry import ENVS, Kind, named_config
 from t2tl_jax.runs import kept_traces
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.given_env import GivenEnv
@@ -125,6 +126,12 @@ def test_what_depends_on_code_of_others_is_not_kept(config, kept):
 
     learner = Mine(**{field.name: getattr(SMALL, field.name) for field in dataclasses.fields(SMALL)})
     assert kept_traces.file_of(replace(config, learner=learner), experiment.table, params, None) is None
+
+
+def test_nor_is_what_is_made_in_another_way_than_here(config, kept, monkeypatch):
+    assert file_of(config) is not None
+    monkeypatch.setitem(ENVS._kinds, "zones", Kind(type(config.env), lambda env: ZoneEnv(env)))
+    assert file_of(config) is None
 
 
 @pytest.mark.slow

@@ -292,7 +292,7 @@ def found_or_not(run: Stored) -> str:
 def _without_token(run: Stored) -> str:
     """That a run is from before the first token of the window, which the published program has now."""
     learner: Any = run.config.learner
-    context = learner.network.context
+    context = getattr(learner.network, "context", None)
     late = context is not None and context.first_token == "none"
     return ", and this run is also without the first token of the window, which came later" if late else ""
 
