@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from t2tl_jax.quiet import quiet_imports
 
+import_module("t2tl_jax.loaded")  # notes the time
+
 if TYPE_CHECKING:
     from t2tl_jax.agents.dp import make_dp
     from t2tl_jax.agents.dp_config import DPConfig

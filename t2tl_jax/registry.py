@@ -268,6 +268,9 @@ def env_names() -> tuple[str, ...]:
     return tuple(_NAMED_ENVS)
 
 
+PROJECT = ("t2tl_jax", "envs", "experiments")
+"""The packages of this project."""
+
 _loaded: set[str] = set()
 _missing: dict[str, str] = {}
 """Plugins that cannot be imported, and why."""
@@ -292,6 +295,11 @@ def load_plugins() -> None:
         except Exception as error:  # whatever a foreign module raises; the rest goes on without it
             _missing[plugin.value] = _why_missing(plugin, error)
             warnings.warn(_missing[plugin.value], stacklevel=2)
+
+
+def plugins_of_others() -> bool:
+    """Whether plugins of other packages than this project's have been loaded."""
+    return not all(value.partition(".")[0] in PROJECT for value in _loaded)
 
 
 @cache

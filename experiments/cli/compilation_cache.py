@@ -5,6 +5,7 @@ from pathlib import Path
 
 import jax
 
+from experiments.cli import plugins
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import kept_traces
 
@@ -17,11 +18,11 @@ def use(folder: str) -> None:
         UserError: if the folder cannot be made.
     """
     chosen = os.environ.get("JAX_COMPILATION_CACHE_DIR")
-    kept_traces.use(None)
+    _keep_traces(None)
     if not folder:
         return
     if chosen:
-        kept_traces.use(None if "://" in chosen else Path(chosen))
+        _keep_traces(None if "://" in chosen else Path(chosen))
         return
     path = Path(folder).expanduser()
     try:
@@ -32,4 +33,9 @@ def use(folder: str) -> None:
             "folder, and --run.compilation-cache '' trains without one"
         ) from error
     jax.config.update("jax_compilation_cache_dir", str(path))
-    kept_traces.use(path)
+    _keep_traces(path)
+
+
+def _keep_traces(folder: Path | None) -> None:
+    """Not where modules of the user's were imported, which may change what is traced."""
+    kept_traces.use(None if plugins.imported else folder)

@@ -12,11 +12,15 @@ from experiments.cli import request
 from experiments.methods import METHODS
 from t2tl_jax.errors import UserError, unknown
 from t2tl_jax.names import nearest
+from t2tl_jax.registry import AGENTS
 from t2tl_jax.runs.config import Config
 from t2tl_jax.training.numbers import numbers_of
 
 METHOD = "method"
 """What is no field of a configuration, but can be swept as one."""
+
+LEARNER = "learner"
+"""The field of a configuration that its learner is; a field of that may also be called by the learner's own name."""
 
 REASONS = {
     "run": "it says what happens around a training and changes nothing in it",
@@ -98,7 +102,8 @@ def points(axes: Sequence[Axis], asked: request.Request, prog: str) -> list[Poin
         own: list[str] = []
         for axis, value in chosen.items():
             if axis.field != METHOD:
-                own += [f"--{axis.flag}", *_words(_checked(base, axis.field), value)]
+                field = _of_learner(base, axis.field)
+                own += [f"--{field.replace('_', '-')}", *_words(_checked(base, field), value)]
         config, _ = request.configuration(dataclasses.replace(start, rest=(*asked.rest, *own)), "", prog)
         label = ",".join(f"{_short(axis, axes)}={value}" for axis, value in chosen.items())
         for other in found:
@@ -108,9 +113,15 @@ def points(axes: Sequence[Axis], asked: request.Request, prog: str) -> list[Poin
     return found
 
 
+def _of_learner(config: Config, field: str) -> str:
+    """``learner.learning_rate`` for ``ppo.learning_rate`` where the learner is PPO, and likewise for any other."""
+    first, dot, rest = field.partition(".")
+    return f"{LEARNER}{dot}{rest}" if dot and first == AGENTS.name_of(config.learner) else field
+
+
 def is_number(config: Config, field: str) -> bool:
     """Whether a field holds a number that only enters arithmetic, so that its values share one program."""
-    names = numbers_of(config.learner, config.random_starts)
+    names, field = numbers_of(config.learner, config.random_starts), _of_learner(config, field)
     return field.removeprefix("learner.") in names if field.startswith("learner.") else field in names
 
 

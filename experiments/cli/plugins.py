@@ -7,6 +7,9 @@ from t2tl_jax.errors import UserError
 
 FLAG = "--import"
 
+imported: list[str] = []
+"""What was imported by that flag."""
+
 
 def import_modules(arguments: Sequence[str]) -> list[str]:
     """Import every module that the arguments name, and return the other arguments.
@@ -23,6 +26,7 @@ def import_modules(arguments: Sequence[str]) -> list[str]:
         module = module if equals else next(words, "")
         try:
             importlib.import_module(module)
+            imported.append(module)
         except (ImportError, ValueError) as error:
             inside = isinstance(error, ImportError) and error.name not in (module, module.partition(".")[0])
             if inside:

@@ -13,7 +13,7 @@ T1TL, T2TL = "zone_ppo_long:t1tl", "zone_ppo_long:t2tl"
 SHORT_T1TL, SHORT_T2TL = "zone_ppo:t1tl", "zone_ppo:t2tl"
 ONE, TWELVE = "1 seed", "12 seeds"
 H200, H100, TWO_CORES = ("NVIDIA H200",), ("NVIDIA H100 80GB HBM3",), ("cpu", "cpu")
-HARDWARE = {H200: "H200", H100: "H100", TWO_CORES: "2 CPU cores"}
+HARDWARE = {H200: "H200", H100: "H100", TWO_CORES: "2 CPU cores", ("cpu",): "CPU, one device"}
 """By the names of the devices that JAX sees."""
 
 
@@ -51,9 +51,11 @@ THEN, NOW = Steps(frames=16, transitions=512, rate=173_000), Steps(frames=128, t
 DQN_AIM = 300_000
 
 AIMS = (
-    Aim(T2TL, TWELVE, least=1_500_000),
-    Aim(T1TL, TWELVE, least=2_500_000),
-    Aim(f"{T1TL}:closed_form", TWELVE, least=12_000_000),
+    *(
+        Aim(what, TWELVE, least=rate, devices=on)
+        for on in (H200, H100)
+        for what, rate in ((T2TL, 1_500_000), (T1TL, 2_500_000), (f"{T1TL}:closed_form", 12_000_000))
+    ),
     Aim(T2TL, ONE, least=500_000),
     Aim(T1TL, ONE, least=800_000),
     Aim("waterworld_dqn:t1tl", TWELVE, least=DQN_AIM),
@@ -70,20 +72,22 @@ STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 """Of `experiments.benchmarks.starts`, among the results; and of the same and a benchmark under
 ``XLA_FLAGS=--xla_gpu_enable_triton_gemm=false``."""
 
-NOTE = """Frames/s are those of the newest benchmark. An aim for compiling or starting is reached where every
-benchmark and every start that is stored is within it, since they vary with the processor of the host and what else
-it does. Compiling does not count tracing, which the tables above show beside it. Trainings that began beside others
-on a GPU compiled for longer; their seconds are on the page of [results](results.md). A start is a whole process that
-trains for one iteration, without pre-training (`python -m experiments.benchmarks.starts`). A second one finds
-compiled programs on disk, which JAX keeps, and the iteration as it was traced, which this project keeps beside them
-([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is loading Python's modules, finding the GPU, tracing
-how a run begins, and reading compiled programs. The aim was for such starts; those with compiled programs alone
-stand behind them, and were measured with an earlier commit where no others of the same hardware are there."""
+NOTE = """The aims were set for an H200. Frames/s are those of the newest benchmark. An aim for compiling or starting
+is reached where every benchmark and every start that is stored is within it, since they vary with the processor of
+the host and what else it does. Compiling does not count tracing, which the tables above show beside it. Trainings
+that began beside others on a GPU compiled for longer; their seconds are on the page of [results](results.md). A
+start is a whole process that trains for one iteration, without pre-training (`python -m
+experiments.benchmarks.starts`). A second one finds compiled programs on disk, which JAX keeps, and the iteration as
+it was traced, which this project keeps beside them ([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is
+loading Python's modules, finding the GPU, tracing how a run begins, and reading compiled programs. The aim was set
+when JAX's compiled programs were all that was there. Starts with kept traces decide where there are some; all that
+are stored are in the second table. With and without are of different hosts and commits, but for those of the
+processor."""
 
-LAYERS = """Most of T1TL's compiling is the choice of a kernel for each of about a hundred matrix products, most of them
-of the task's Transformer, whose four layers are written out. Layers in a loop halve the products. On a CPU they compile
-and run slower; on an H200 they compiled a little sooner and trained slower. Fewer candidates for each product saved
-little and made training a third slower. Figures of these trials are not stored."""
+LAYERS = """Most of T1TL's compiling is the choice of a kernel for each matrix product, most of them of the task's
+Transformer, whose four layers are written out. Two trials, of which no figures are stored, were no way out: layers in a
+loop, which on a CPU compile and run slower, and on an H200 compiled a little sooner and trained slower; and fewer
+candidates for each product, which saved little and made training slower."""
 
 
 def aims(results: Path) -> str:
@@ -105,10 +109,24 @@ def aims(results: Path) -> str:
     starts = [*told, *([origin([of["where"] for of in files.values()])] if files else [])]
     parts = (
         shown,
+        _both_starts(begun),
         *map(paragraph, (*notes, *starts)),
         paragraph(" ".join((LAYERS, _without_triton(results, found, begun)))),
     )
     return "\n\n".join(parts)
+
+
+def _both_starts(begun: Mapping["Key", Sequence["Starts"]]) -> str:
+    """Every pair of starts that is stored, with kept traces or without."""
+    rows = []
+    for (devices, what, size), pairs in begun.items():
+        for kept in (True, False):
+            some = [pair for pair in pairs if pair["first"][KEPT] == kept and "second" in pair]
+            if some:
+                seconds = [", ".join(f"{pair[which]['process']:.1f}" for pair in some) for which in ("first", "second")]
+                hardware = HARDWARE.get(devices, ", ".join(devices))
+                rows.append((f"`{what}`", size, hardware, "kept" if kept else "not kept", *(f"{s} s" for s in seconds)))
+    return table(("what", "size", "hardware", "traces", "first start", "second start"), rows) if rows else ""
 
 
 Key = tuple[tuple[str, ...], str, str]
@@ -154,12 +172,10 @@ def _lines(aim: Aim, rows: list[measured.Row], begun: list[Starts]) -> Iterator[
             yield line(f"compiled within {aim.within:g} s", got, max(seconds) <= aim.within)
     elif aim.again is not None:
         second = [starts["second"] for starts in begun if "second" in starts]
-        kept, others = ([one for one in second if one[KEPT] == which] for which in (True, False))
-        if second:
-            shown = [", ".join(f"{one['process']:.1f} s" for one in of) for of in (kept, others)]
-            without = [f"without kept traces {shown[1]}"] * bool(others)
-            reached = bool(kept) and max(one["process"] for one in kept) <= aim.again
-            yield line(f"second start within {aim.again:g} s", "; ".join([shown[0]] * bool(kept) + without), reached)
+        kept = [one["process"] for one in second if one[KEPT]] or [one["process"] for one in second]
+        if kept:
+            got = ", ".join(f"{seconds:.1f} s" for seconds in kept)
+            yield line(f"second start within {aim.again:g} s", got, max(kept) <= aim.again)
 
 
 def _dqn(found: Mapping[Key, Sequence[measured.Row]]) -> list[str]:

@@ -188,7 +188,7 @@ PAPER_ITEMS: dict[str, Item] = {
         smoke=("zone-published-t1tl", "zone-published-t1tl-correlated-noise"),
     ),
     "published-more": Item(
-        "The published program on more seeds, and the sign of its untrained critic",
+        "The published program on more seeds, and the sign of its critic at first",
         published_more.MORE,
         published_more.more_seeds,
         smoke=published_more.MORE[1:],

@@ -1,7 +1,7 @@
 """Which traced iteration on disk is that of a training: one of the same configuration, code, packages and hardware.
 
-Only entry points turn this on (`use`), never the library. A program that depends on code of somebody else, such as an
-environment of a plugin, is not kept: nothing here knows which files that is made of.
+Only entry points turn this on (`use`), never the library. Nothing is kept where code of somebody else is loaded, such
+as a plugin: nothing here knows which files that is made of. Nor where a source has changed since it was imported.
 """
 
 import dataclasses
@@ -17,11 +17,14 @@ from typing import Any
 import jax
 import numpy as np
 
+from t2tl_jax import loaded
 from t2tl_jax.ltl import TaskTable
+from t2tl_jax.registry import plugins_of_others
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.config_files import REGISTRIES
 from t2tl_jax.runs.differences import without_numbers
 from t2tl_jax.runs.given_env import GivenEnv
+from t2tl_jax.training import kept_trace
 
 OWN = ("t2tl_jax", "envs")
 """Packages whose every file counts."""
@@ -48,6 +51,8 @@ def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> 
     settings = getattr(jax.config, "values", None)  # which is no promise of JAX
     if not _folders or settings is None or isinstance(config.env, GivenEnv) or not is_own(config):
         return None
+    if plugins_of_others() or (installed := _installed()) is None:
+        return None
     named = {
         field.name: getattr(without_numbers(config), field.name)
         for field in dataclasses.fields(config)
@@ -55,7 +60,7 @@ def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> 
     }
     leaves, structure = jax.tree.flatten(arguments)
     parts = (
-        _installed(),
+        installed,
         repr(sorted(settings.items())),
         repr((jax.default_backend(), sorted({device.device_kind for device in jax.devices()}))),
         repr(named),
@@ -64,7 +69,7 @@ def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> 
         f"{structure} {sharding}",
         *(_form(x) for x in map(np.asarray, leaves)),
     )
-    return _folders[0] / f"{_digest(chr(0).join(parts).encode())[:32]}.trace"
+    return _folders[0] / f"{_digest(chr(0).join(parts).encode())[:32]}{kept_trace.SUFFIX}"
 
 
 def is_own(config: Config) -> bool:
@@ -89,11 +94,19 @@ def _within_own(thing: Any) -> bool:
 
 
 @cache
-def _installed() -> str:
-    """Python, the versions of all packages, and what every file of this project holds."""
+def _installed() -> str | None:
+    """Python, the versions of all packages, and what every file of this project holds; None where a file is not the
+    one that was imported, or cannot be read."""
     packages = sorted(f"{one.name} {one.version}" for one in metadata.distributions())
-    files = sorted(path for name in OWN for folder in _folders_of(name) for path in folder.rglob("*") if _counts(path))
-    content = [f"{path.name} {_digest(path.read_bytes())}" for path in files]
+    try:
+        files = sorted(
+            path for name in OWN for place in _folders_of(name) for path in place.rglob("*") if _counts(path)
+        )
+        if any(path.stat().st_mtime > loaded.AT for path in files):
+            return None
+        content = [f"{path.name} {_digest(path.read_bytes())}" for path in files]
+    except OSError:  # such as an editor's file that comes and goes
+        return None
     return "\n".join((sys.version, *packages, *content))
 
 

@@ -155,11 +155,12 @@ def trace(
 
     def lowered_init() -> Any:
         with meshed():
-            return init.lower(keys, env_params)
+            return init.lower()
 
     with meshed():
-        init = jax.jit(of_seeds(lambda key, env_params: _strongly_typed(agent.init(key, env_params))), **placed)
-        state, lowered_iterate = _shapes(jax.eval_shape(init, keys, env_params)), None
+        begin = jax.jit(of_seeds(lambda key, env_params: _strongly_typed(agent.init(key, env_params))), **placed)
+        init = begin.trace(keys, env_params)
+        state, lowered_iterate = _shapes(init.out_info), None
         if kept is not None:
             lowered_iterate = kept_trace.lowered(kept, of_seeds(agent.iterate), state, env_params, **placed)
         if lowered_iterate is None:

@@ -260,8 +260,10 @@ def test_configurations_of_run_folders(finished_run, command):
         with tempfile.TemporaryDirectory() as base:
             folder = Path(shutil.copytree(finished_run, Path(base, "run")))
             (folder / "config.json").write_text(json.dumps(content))
+            before = digests(folder)
             code, errors = COMMANDS[command](folder)
             assert is_polite(code, errors), (content, code, errors)
+            assert code == 0 or digests(folder) == before, content
 
     one()
 

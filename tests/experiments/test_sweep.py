@@ -43,10 +43,22 @@ def test_values_are_those_of_the_flags():
     assert window.folder == "length=4,task=F_Red-" + window.folder[-6:] and window.folder != none.folder
 
 
+def test_a_learner_goes_by_its_own_name_too():
+    found = points("zone_ppo", "ppo.learning-rate=1e-4,3e-4", "method=t1tl,gnn")
+    assert [point.label for point in found][:2] == ["learning-rate=1e-4,method=t1tl", "learning-rate=1e-4,method=gnn"]
+    assert [point.config for point in found] == [
+        point.config for point in points("zone_ppo", "learner.learning-rate=1e-4,3e-4", "method=t1tl,gnn")
+    ]
+    assert found[0].words == ("--method", "t1tl", "--learner.learning-rate", "1e-4")
+    with pytest.raises(UserError, match=r"dqn.batch-size: .*no such field"):
+        points("zone_ppo", "dqn.batch-size=32,64")
+
+
 @pytest.mark.parametrize(
     ("field", "numbers"),
     [
         ("learner.discount", True),
+        ("ppo.discount", True),
         ("learner.noise_time", True),
         ("learner.epochs", False),
         ("random_starts", False),  # there are none in this configuration

@@ -17,7 +17,9 @@ LTL_BASICS = {
     f"t2tl_jax.ltl.{name}" for name in ("errors", "formula", "co_safety", "parser", "reward_machine", "tokens")
 }
 # What every part may import: these know nothing of the others.
-FOR_EVERYONE = {f"t2tl_jax.{name}" for name in ("checks", "names", "old_names", "errors", "flags", "quiet", "registry")}
+FOR_EVERYONE = {
+    f"t2tl_jax.{name}" for name in ("checks", "names", "old_names", "errors", "flags", "loaded", "quiet", "registry")
+}
 # What an environment needs of the library: its interface. It knows no temporal logic.
 INTERFACE = {"t2tl_jax.env", "t2tl_jax.objects", "t2tl_jax.view"}
 WORLD = {"t2tl_jax.ltl", "t2tl_jax.env", "t2tl_jax.objects", "t2tl_jax.task_env"}

@@ -1,6 +1,7 @@
 """Which file holds the iteration of a training: another one as soon as anything differs that the program depends on."""
 
 import dataclasses
+import os
 from dataclasses import replace
 
 import jax
@@ -8,7 +9,8 @@ import numpy as np
 import pytest
 
 from envs.zones import ZoneEnv
-from experiments.cli import compilation_cache
+from experiments.cli import compilation_cache, plugins
+from t2tl_jax import loaded, registry
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
@@ -16,6 +18,7 @@ from t2tl_jax.registry import ENVS, Kind, named_config
 from t2tl_jax.runs import kept_traces
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.given_env import GivenEnv
+from t2tl_jax.single_state import SingleStateConfig
 from t2tl_jax.training import kept_trace
 from tests.fake_learner import FakeEnvConfig
 
@@ -58,7 +61,7 @@ def test_what_the_program_does_not_depend_on_has_the_same_file(config, kept):
         {"learner": replace(SMALL, learning_rate=1e-3, discount=0.9)},
     ]
     assert {file_of(replace(config, **change)) for change in same} == {file_of(config)}
-    assert file_of(config).parent == kept and file_of(config).suffix == ".trace"
+    assert file_of(config).parent == kept and file_of(config).suffix == kept_trace.SUFFIX
 
 
 def test_all_else_has_another(config, kept):
@@ -91,6 +94,7 @@ def test_a_changed_source_or_setting_has_another(config, kept, tmp_path, monkeyp
     found = []
     for text in ("a = 1", "a = 2"):
         source.write_text(text)
+        os.utime(source, (1, 1))
         kept_traces._installed.cache_clear()
         with monkeypatch.context() as patch:
             patch.setattr(kept_traces, "_folders_of", lambda name: [tmp_path / "more"])
@@ -107,11 +111,26 @@ def test_a_changed_source_or_setting_has_another(config, kept, tmp_path, monkeyp
     assert file_of(config) == before
 
 
+def test_a_source_that_changed_since_it_was_imported_keeps_nothing(config, kept, tmp_path, monkeypatch):
+    source = tmp_path / "module.py"
+    source.touch()
+    monkeypatch.setattr(kept_traces, "_folders_of", lambda name: [tmp_path])
+    for at, is_kept in ((loaded.AT - 5, True), (loaded.AT + 5, False)):
+        os.utime(source, (at, at))
+        kept_traces._installed.cache_clear()
+        assert (file_of(config) is not None) == is_kept
+    source.unlink()
+    source.symlink_to(tmp_path / "module.py")  # which no one can read
+    kept_traces._installed.cache_clear()
+    file_of(config)
+    kept_traces._installed.cache_clear()
+
+
 def test_every_file_of_the_project_counts():
     names = {
         path.name for name in kept_traces.OWN for folder in kept_traces._folders_of(name) for path in folder.rglob("*")
     }
-    assert {"ppo.py", "zone_env.py", "point.xml", "program.py"} & names >= {"ppo.py", "zone_env.py", "program.py"}
+    assert {"ppo.py", "zone_env.py", "program.py", "kept_trace.py"} <= names
 
 
 def test_what_depends_on_code_of_others_is_not_kept(config, kept):
@@ -134,24 +153,31 @@ def test_nor_is_what_is_made_in_another_way_than_here(config, kept, monkeypatch)
     assert file_of(config) is None
 
 
+def test_nor_is_anything_beside_modules_of_others(config, kept, monkeypatch):
+    monkeypatch.setattr(registry, "_loaded", {"experiments.configs"})
+    assert file_of(config) is not None
+    monkeypatch.setattr(registry, "_loaded", {"experiments.configs", "somebody.plugin"})
+    assert file_of(config) is None
+
+
 @pytest.mark.slow
 def test_a_kept_training_is_the_same_bit_for_bit(config, kept, monkeypatch):
     monkeypatch.setattr(kept_trace, "SOON", 0.0)
+    network = replace(SMALL.network, actor_layers=(), critic_layers=())
+    config = replace(config, env=SingleStateConfig(), task="F(Red & F Black)", learner=replace(SMALL, network=network))
 
-    def params():
+    def trained():
         program = build(config).program
         state = program.lowered_init.compile()(program.keys, program.env_params)
-        iterate = program.lowered_iterate.compile()
-        for _ in range(2):
-            state, metrics = iterate(state, program.env_params)
+        state, metrics = program.lowered_iterate.compile()(state, program.env_params)
         return [np.asarray(x) for x in jax.tree.leaves((state.params, metrics))]
 
-    written, read = params(), params()
+    written, read = trained(), trained()
     assert len(list(kept.iterdir())) == 1
     kept_traces.use(None)
-    for plain, *others in zip(params(), written, read, strict=True):
-        for other in others:
-            np.testing.assert_array_equal(plain, other)
+    plain = trained()
+    for one in (written, read):
+        jax.tree.map(np.testing.assert_array_equal, one, plain)
 
 
 def test_entry_points_turn_it_on_where_programs_are_kept(tmp_path, monkeypatch, keeps_traces):
@@ -167,5 +193,8 @@ def test_entry_points_turn_it_on_where_programs_are_kept(tmp_path, monkeypatch, 
         monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR")
         compilation_cache.use(str(tmp_path / "b"))
         assert kept_traces._folders == [tmp_path / "b"]
+        monkeypatch.setattr(plugins, "imported", ["mine"])
+        compilation_cache.use(str(tmp_path / "b"))
+        assert kept_traces._folders == []
     finally:
         jax.config.update("jax_compilation_cache_dir", before)

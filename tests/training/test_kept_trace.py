@@ -58,6 +58,10 @@ def trained(agent, env, file, iterations=3):
     return jax.tree.map(np.asarray, (state.params, jax.random.key_data(state.key), metrics))
 
 
+def more_names(content):
+    return content.replace(b'"drawn"', b'"drawn", "more"', 1)
+
+
 def equal(one, other):
     assert jax.tree.structure(one) == jax.tree.structure(other)
     jax.tree.map(np.testing.assert_array_equal, one, other)
@@ -76,7 +80,7 @@ def test_what_was_kept_is_not_traced_again_and_trains_the_same(env, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "damage", [lambda x: x[:-1], lambda x: b"", lambda x: b"{}\n" + x, lambda x: b"[1]\n", bytes.upper]
+    "damage", [lambda x: x[:-1], lambda x: b"", lambda x: b"{}\n" + x, lambda x: b"[1]\n", bytes.upper, more_names]
 )
 def test_a_damaged_file_is_written_anew(env, tmp_path, damage):
     file = tmp_path / "a.trace"
@@ -94,6 +98,15 @@ def test_a_quick_trace_is_not_kept(env, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_full_disk_is_no_reason_to_stop_and_leaves_nothing(env, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(kept_trace.os, "replace", full)
+    assert trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace").lowered_iterate
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_folder_that_cannot_be_written_is_no_reason_to_stop(env, tmp_path):
     (tmp_path / "file").touch()
     assert trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "file" / "a.trace").lowered_iterate
@@ -101,9 +114,11 @@ def test_a_folder_that_cannot_be_written_is_no_reason_to_stop(env, tmp_path):
 
 def test_only_so_many_are_kept(env, tmp_path, monkeypatch):
     monkeypatch.setattr(kept_trace, "MOST_FILES", 2)
+    (tmp_path / "of_somebody.trace").touch()
     for name in "abc":
-        trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / f"{name}.trace")
-    assert len(list(tmp_path.iterdir())) == 2 and (tmp_path / "c.trace").is_file()
+        trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / f"{name}{kept_trace.SUFFIX}")
+    assert len(list(tmp_path.iterdir())) == 3 and (tmp_path / f"c{kept_trace.SUFFIX}").is_file()
+    assert (tmp_path / "of_somebody.trace").is_file()
 
 
 @pytest.mark.parametrize("to", [np.zeros(2, np.float32), np.float16(0), ()])

@@ -1,5 +1,7 @@
 """One program for all seeds: what varies is an argument, stacked over seeds; the table is there once."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -71,3 +73,13 @@ def test_a_state_that_changes_shape_is_refused(env):
 
     with pytest.raises(TypeError, match=r"iterate changed train_state.params from float32\[1\] to float32\[1, 2\]"):
         trace(counting(iterate=grows), (0,), params_of_seeds(env, (0,)))
+
+
+def test_what_is_lowered_later_is_what_was_traced(env):
+    """In another thread, where the settings of this one do not hold."""
+    agent = counting(init=lambda key, env_params: State(jnp.float64(1) * env_params.env.starts[0, 0]))
+    with jax.enable_x64(True):
+        program = trace(agent, (0,), params_of_seeds(env, (0,)))
+    with ThreadPoolExecutor() as threads:
+        init = threads.submit(program.lowered_init.compile).result()
+    assert program.state.params.dtype == init(program.keys, program.env_params).params.dtype == np.float64

@@ -14,20 +14,18 @@ from experiments.tuning import in_words
 from t2tl_jax.evaluation.comparisons import holm
 from t2tl_jax.evaluation.statistics import CONFIDENCE, SOLVED
 
-WHAT = """The sign is that of the critic's value in the first iteration of training: the mean over its gradient steps,
-and thus after the first of them. The weights of the value are drawn evenly about 0, so that half of all seeds should
-begin below 0."""
+WHAT = """The sign is that of the critic's value in the first iteration of training, which is stored as the mean over
+its gradient steps. The weights of the value are drawn evenly about 0, so that half of all seeds should begin below
+0."""
 
-WHY = """What the sign does is our inference. Until a seed first succeeds there is no reward, a time-out is an end, and
-advantages are not normalised. Whatever a step does is then worth 0, so that its advantage has on average the opposite
-sign of the value. Above 0 every action seems worse than was expected: the policy moves away from what it does, and its
-noise soon grows to its limit. Below 0 every action seems better, which holds the noise back. A trial on four seeds, in
-which the weights of the value were negated, and of which no figures are stored, fits it: the noise changed like that.
-It says as well that a value below 0 is not enough to find the task."""
+WHY = """What the sign does is our inference, and was not tried. Successes are rare at first, a time-out is an end, and
+advantages are not normalised. What a step does is then hardly ever paid, so that its advantage has on average the
+opposite sign of the value. Above 0 most actions seem worse than was expected: the policy moves away from what it does,
+and its noise soon grows to its limit. Below 0 most seem better, which holds the noise back."""
 
-TESTED = """That the sign might matter was seen on seeds 24 to 35, so that nothing is tested on them. Seeds 36 to 59 are
-the next numbers, chosen before any of their outcomes was known. Tests are two-sided, Fisher's exact one for who solves
-the task and Mann and Whitney's for the frames, and corrected for four of them (Holm), be all of them made or not."""
+TESTED = """That the sign might matter was seen on seeds 24 to 35, so that nothing is tested on them. Seeds from 36 on
+are the next numbers, chosen before any of their outcomes was known. Tests are two-sided: Fisher's exact one for who
+solves the task, Mann and Whitney's for the frames. They are corrected for four by Holm, even where fewer are made."""
 
 TESTS = 4
 """Two of each of the two runs on new seeds."""
@@ -111,14 +109,12 @@ def split(seeds: Iterable[Begun]) -> tuple[list[Begun], list[Begun]]:
 
 
 def counted(seeds: Mapping[str, Sequence[Begun]]) -> str:
-    """How many seeds of each run begin below 0, and where they are fewer than half how likely so few are."""
+    """How many seeds of each run begin below 0."""
     each = []
     for name, some in seeds.items():
         low = [seed.seed for seed in split(some)[0]]
         which = f" ({in_words(low)})" if low else ""
-        chance = stats.binom.cdf(len(low), len(some), 0.5)
-        few = f", where so few have a chance of {chance:.2g}" if 2 * len(low) < len(some) else ""
-        each.append(f"{len(low)} of {len(some)}{which} in {name}{few}")
+        each.append(f"{len(low)} of {len(some)}{which} in {name}")
     return f"Below 0 begin {'; '.join(each)}."
 
 

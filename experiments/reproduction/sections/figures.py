@@ -212,7 +212,7 @@ WIDE_INTERVALS = """A difference whose interval holds 0 is not shown to be none:
 that intervals are wide. Where all of them do, it is open which choice keeps the program from its curve."""
 
 SAME_SEEDS = """All are on seeds 24 to 35, of which few begin with a critic whose values are below 0. The section that
-follows shows that this matters to the program as published, so that these runs may say little of other seeds."""
+follows looks at how that goes with who solves the task. On other seeds these runs may come out otherwise."""
 
 
 def _environments(run: Stored) -> int:

@@ -34,11 +34,11 @@ PUBLISHED = {name: curve for names, curve in zip(GROUPS.values(), (_T1TL, _T2TL)
 DIFFER = """Of T2TL's seeds the first 12 are by MJX and without the first token of the window, the others in closed form
 and with it; all of T1TL's are in closed form."""
 
-EMPTY = """An empty window is zeros to the published reader, whose gradient there is about a million times as large as
-elsewhere. Every training begins with such windows, unless they hold the made-up first token of the authors' code
-([methods](methods.md))."""
+EMPTY = """An empty window is zeros to the published reader, whose gradient there can be very large. Every training
+begins with such windows, unless they hold the made-up first token of the authors' code ([methods](methods.md))."""
 
-UNKNOWN = """How far the published means would differ with other seeds is not known, and not counted."""
+UNKNOWN = """The split by sign was made after the results were seen. It does not compare with the published means,
+whose seeds and signs are not known; how far they would differ with other seeds is not counted."""
 
 
 def more_seeds(runs: Mapping[str, Stored]) -> str:
@@ -105,8 +105,8 @@ def place(ours: Estimate, published: float) -> str:
 
 
 def remains(runs: Mapping[str, Stored]) -> str:
-    """What all seeds of each method that there are, the new ones alone, and those of each sign say of the published
-    mean."""
+    """What all seeds of each method that there are, and the new ones alone, say of the published mean; and what the
+    new ones of each sign come to."""
     said = []
     for method, names in zip(("T1TL without pre-training", "T2TL with its pre-training"), GROUPS.values(), strict=True):
         there = [name for name in names if name in runs]
@@ -120,14 +120,12 @@ def remains(runs: Mapping[str, Stored]) -> str:
         if len(there) > 1:
             end = _end([runs[names[1]]])
             said.append(f"The {end.count} new ones alone: {end.text()}, which {_WORDS[place(end, published)]} mean.")
-        halves = split(seed for name in there for seed in begun(runs[name]))
-        for kind, some in zip(("below 0", "at 0 or above"), halves, strict=True):
-            if len(some) > 1:
-                end = statistics.mean([seed.end for seed in some])
-                said.append(
-                    f"The {end.count} seeds of all that begin {kind}: {end.text()}, which "
-                    f"{_WORDS[place(end, published)]} mean."
-                )
+        low, high = split(begun(runs[names[1]]) if names[1] in runs else ())
+        if len(low) > 1 and len(high) > 1:
+            of_sign = [statistics.mean([seed.end for seed in some]).text() for some in (low, high)]
+            said.append(
+                f"Of those {len(low)} begin below 0 and come to {of_sign[0]}, {len(high)} others to {of_sign[1]}."
+            )
     return paragraph(" ".join(["What remains, by the return at the end.", *said, UNKNOWN]))
 
 
