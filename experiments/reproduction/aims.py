@@ -147,7 +147,8 @@ def _started(results: Path, pattern: str = STARTS) -> dict[Key, list[Starts]]:
         if not stored["where"].get("git_modified"):
             kept = {KEPT: stored["settings"].get("traces", False)}
             for what, starts in stored["starts"].items():
-                key = tuple(stored["where"]["devices"]), what, f"{stored['settings']['seeds']} seeds"
+                count = stored["settings"]["seeds"]
+                key = tuple(stored["where"]["devices"]), what, ONE if count == 1 else f"{count} seeds"
                 found.setdefault(key, []).append({which: {**one, **kept} for which, one in starts.items()})
     return found
 

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[2]
 
 RUN = """
 --config zone_ppo_closed_form --method dfa --seeds 2 --frames 8192 --learner.num-envs 16 --learner.unroll-length 64
---learner.minibatch-size 256 --episode-length 50 --run.evaluation-episodes 2 --run.gif False --run.checkpoint-period 0
+--learner.minibatch-size 256 --episode-length 50 --run.evaluation-episodes 0 --run.gif False --run.checkpoint-period 0
 --run.progress False
 """
 """A checkpoint after each of eight iterations."""
@@ -66,9 +66,10 @@ def whole(run_on, tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("size", "stops_at"), [("20k", "cannot write"), ("1500k", "cannot write checkpoint")])
-def test_a_full_disk_is_told_and_the_run_goes_on_as_if_nothing_had_been(run_on, whole, tmp_path, size, stops_at):
+@pytest.mark.parametrize("size", ["20k", "1500k"])
+def test_a_full_disk_is_told_and_the_run_goes_on_as_if_nothing_had_been(run_on, whole, tmp_path, size):
+    """At the first files or, beside the training, at a checkpoint, unless a row of the metrics comes upon it first."""
     code, said, metrics = run_on(size, tmp_path)
-    assert code == 2 and stops_at in said and "No space left" in said and "resume the run" in said
+    assert code == 2 and "cannot write" in said and "No space left" in said and "resume the run" in said, said[-2000:]
     assert "Traceback" not in said and "Event loop" not in said
     assert metrics == whole

@@ -182,6 +182,7 @@ def test_a_kept_training_is_the_same_bit_for_bit(config, kept, monkeypatch):
 
 def test_entry_points_turn_it_on_where_programs_are_kept(tmp_path, monkeypatch, keeps_traces):
     before = jax.config.jax_compilation_cache_dir
+    monkeypatch.setattr(plugins, "imported", [])
     try:
         monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "a"))
         for given, folders in (("x", [tmp_path / "a"]), ("", [])):

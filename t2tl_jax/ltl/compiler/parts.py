@@ -17,9 +17,8 @@ from t2tl_jax.ltl.compiler.budget import Limits, way_out
 from t2tl_jax.ltl.compiler.steps import Folding, Steps, folded, from_dense
 from t2tl_jax.ltl.errors import TooLargeError
 
-ONE_PART = 2**16
-"""Most entries of the array when letters are looked up at once: 256 KiB, which stay in a processor's cache, so that
-relabelling by many letters costs what it does by few."""
+ONE_PART = 2**20
+"""Most entries of the array when letters are looked up at once: 4 MiB."""
 
 FEW_PARTS = 2**22
 """Most entries of all arrays where letters are looked up in a few parts: 16 MiB; beyond, more parts make them smaller.
