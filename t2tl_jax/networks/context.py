@@ -50,9 +50,9 @@ class ContextConfig:
     """Empty the window at the start of every episode (paper); the published code never does."""
     first_token: Literal["none", "made_up"] = "none"
     """What PPO's windows hold when a training begins: nothing (paper), or one token that no step has made, of an action
-    drawn uniformly, reward 0 and the first observation (published code). An empty window is
-    zeros to the published reader, whose gradient there can be very large. Evaluations begin with empty windows in
-    either case. Needs reset=False."""
+    drawn uniformly, reward 0 and the first observation (published code). An empty window is zeros to the published
+    reader, whose gradient there can be very large. Evaluations begin with empty windows in either case. Needs
+    reset=False."""
     aligned: bool = True
     """Update every sample with its own window; False gives it that of another sample, as the published code does."""
     halved: bool = False

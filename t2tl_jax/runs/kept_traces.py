@@ -98,13 +98,12 @@ def _installed() -> str | None:
     """Python, the versions of all packages, and what every file of this project holds; None where a file is not the
     one that was imported, or cannot be read."""
     packages = sorted(f"{one.name} {one.version}" for one in metadata.distributions())
+    places = [place for name in OWN for place in _folders_of(name)]
     try:
-        files = sorted(
-            path for name in OWN for place in _folders_of(name) for path in place.rglob("*") if _counts(path)
-        )
+        files = {path: path.relative_to(place.parent) for place in places for path in place.rglob("*") if _counts(path)}
         if any(path.stat().st_mtime > loaded.AT for path in files):
             return None
-        content = [f"{path.name} {_digest(path.read_bytes())}" for path in files]
+        content = sorted(f"{name} {_digest(path.read_bytes())}" for path, name in files.items())
     except OSError:  # such as an editor's file that comes and goes
         return None
     return "\n".join((sys.version, *packages, *content))
