@@ -9,7 +9,7 @@ from experiments import any_configs, controls  # noqa: F401, registers configura
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig

@@ -11,7 +11,7 @@ from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.errors import UserError, explained, unknown
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.task_encoder import TaskEncoderConfig

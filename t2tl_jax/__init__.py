@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from t2tl_jax.errors import UserError
     from t2tl_jax.ltl import Formula, LTLError, TaskTable, compile_tasks, parse, progress, register_family, sample
     from t2tl_jax.networks.actor_critic import NetworkConfig
-    from t2tl_jax.networks.context import ContextConfig
+    from t2tl_jax.networks.context_config import ContextConfig
     from t2tl_jax.networks.objects import ObjectsConfig
     from t2tl_jax.networks.q_network import QNetworkConfig
     from t2tl_jax.networks.state_encoder import StateEncoderConfig
@@ -54,7 +54,7 @@ _HOME = {
     "Agent": "training.types",
     "Callback": "runs.callbacks",
     "Config": "runs.config",
-    "ContextConfig": "networks.context",
+    "ContextConfig": "networks.context_config",
     "DPConfig": "agents.dp_config",
     "DQNConfig": "agents.dqn_config",
     "EnvConfig": "env",

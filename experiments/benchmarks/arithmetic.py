@@ -113,7 +113,7 @@ def substep(form: Callable[..., Any], arguments: Arguments) -> dict[str, float]:
 
 def gradient_steps() -> dict[str, dict[str, float]]:
     """kFLOP of a gradient step of PPO by sample, for T1TL and for T2TL with segments of several lengths."""
-    from t2tl_jax.networks.context import ContextConfig
+    from t2tl_jax.networks.context_config import ContextConfig
 
     contexts = {"T1TL": None, "T2TL, segments of 8 steps (the default)": ContextConfig()}
     contexts |= {f"T2TL, segments of {n} step{'s' * (n > 1)}": ContextConfig(segment_length=n) for n in (64, 1)}
@@ -129,7 +129,7 @@ def gradient_of_ppo(context: Any) -> float:
     from t2tl_jax.agents.ppo_learning import Batch, ppo_loss
     from t2tl_jax.ltl import compile_tasks
     from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-    from t2tl_jax.networks.context import Segment
+    from t2tl_jax.networks.windows import Segment
     from t2tl_jax.training.types import repeated
 
     network, table = ActorCritic(NetworkConfig(context=context), ACTIONS), compile_tasks(["F a"], ("a",))

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from t2tl_jax.networks.context import Carry
+from t2tl_jax.networks.windows import Carry
 from t2tl_jax.training.types import Params
 
 

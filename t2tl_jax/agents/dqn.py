@@ -26,8 +26,8 @@ from t2tl_jax.agents.shaping import potential
 from t2tl_jax.agents.td_learning import Embedding, Marked, Transition, code_change, dqn_loss
 from t2tl_jax.env import State
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import Carry
 from t2tl_jax.networks.q_network import QNetwork
+from t2tl_jax.networks.windows import Carry
 from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
 from t2tl_jax.training.optimizer import clipped_adam

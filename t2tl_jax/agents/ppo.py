@@ -22,7 +22,7 @@ from t2tl_jax.agents.row_codes import make_codes
 from t2tl_jax.env import State
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.actor_critic import ActorCritic
-from t2tl_jax.networks.context import Carry, Segment, Window
+from t2tl_jax.networks.windows import Carry, Segment, Window
 from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.advantages import generalised_advantages

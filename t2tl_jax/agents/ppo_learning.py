@@ -10,7 +10,7 @@ from flax import struct
 
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.networks.actor_critic import ActorCritic
-from t2tl_jax.networks.context import Segment
+from t2tl_jax.networks.windows import Segment
 from t2tl_jax.training.devices import over_envs
 from t2tl_jax.training.types import Params
 

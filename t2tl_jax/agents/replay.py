@@ -16,7 +16,8 @@ import jax.numpy as jnp
 from flax import struct
 
 from t2tl_jax.agents.td_learning import Transition
-from t2tl_jax.networks.context import ContextConfig, Window
+from t2tl_jax.networks.context_config import ContextConfig
+from t2tl_jax.networks.windows import Window
 
 
 @struct.dataclass

@@ -11,8 +11,8 @@ from flax import struct
 
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import without_newest, without_oldest
 from t2tl_jax.networks.q_network import QNetwork
+from t2tl_jax.networks.windows import without_newest, without_oldest
 from t2tl_jax.task_env import Shared
 from t2tl_jax.training.types import Params
 

@@ -10,7 +10,8 @@ from flax import linen as nn
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.networks.carried import CarriedEncoder
-from t2tl_jax.networks.context import Carried, Carry, ContextConfig, ContextEncoder, RecurrentNetwork, Segment
+from t2tl_jax.networks.context import ContextEncoder, RecurrentNetwork
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.distributions import Categorical, Distribution, Gaussian
 from t2tl_jax.networks.initializers import unit_norm
 from t2tl_jax.networks.state_encoder import StateEncoderConfig
@@ -18,6 +19,7 @@ from t2tl_jax.networks.state_encoders import FlatConfig, check_context, make_sta
 from t2tl_jax.networks.task_encoder import RowEncoder, TaskEncoder, TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.networks.windows import Carried, Carry, Segment
 from t2tl_jax.objects import Objects
 
 MINIMUM_STD = 1e-3

@@ -13,8 +13,9 @@ import jax
 import jax.numpy as jnp
 from flax import linen as nn
 
-from t2tl_jax.networks.context import Carried, ContextConfig, Segment, empty_where, token_parts
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.initializers import unit_norm
+from t2tl_jax.networks.windows import Carried, Segment, empty_where, token_parts
 
 
 class CarriedEncoder(nn.Module):

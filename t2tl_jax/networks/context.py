@@ -1,10 +1,7 @@
 """The context: the last steps of an episode, read by a second Transformer (T2TL) or another reader of sequences.
 
-A policy with context carries one `Window` per environment: empty at the start of an episode, one token longer after
-every step, the newest token always in the last slot. Window functions take one window or any batch of them.
-
-The windows of successive steps overlap. So PPO learns from `Segment`s: S steps and the window at the first of them, in
-which every observation is embedded and every token is made once, and then stacked to the S windows.
+A policy with context carries a window, which is read at every step; windows and segments are in `windows.py`. Of a
+segment every observation is embedded and every token is made once, and then stacked to the S windows.
 
 States that read the task (`network.state=merged`) are others for every task. Their windows keep observations, and each
 is merged by the task of the step that reads the window: where did I see what I need now? So observations are stacked
@@ -13,248 +10,30 @@ instead of tokens, and every token is made K times.
 With `carried=True` a policy carries a GRU's state instead, through the whole episode: see `carried.py`.
 """
 
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from flax import linen as nn
-from flax import struct
 
-from t2tl_jax.networks.gru import GRUConfig, GRUWindowReader
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.initializers import t_fixup_embedding, unit_norm
-from t2tl_jax.networks.task_encoder import SequenceEncoderConfig
 from t2tl_jax.networks.transformer import TransformerConfig, TransformerEncoder
-from t2tl_jax.registry import CONTEXT_READERS, register_context_reader
-
-T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class ContextConfig:
-    """What the window holds, and who reads it."""
-
-    length: int = 8
-    """Steps that the window holds; a carried state has none."""
-    reader: SequenceEncoderConfig = field(
-        default_factory=lambda: TransformerConfig(layers=1, width=32, feed_forward=128)
-    )
-    """Who reads the window: a Transformer, by default of the sizes that the published code comes down to (unless it is
-    masked, empty slots count as tokens of zeros), a GRU from the oldest step to the newest, or any other that is
-    registered."""
-    carried: bool = False
-    """Carry the reader's state through the whole episode, instead of reading the last steps anew at every step. Needs a
-    GRU, which in the update is unrolled over a segment from the state at its start: gradients reach back to there, so
-    segments should be longer."""
-    reset: bool = True
-    """Empty the window at the start of every episode (paper); the published code never does."""
-    first_token: Literal["none", "made_up"] = "none"
-    """What PPO's windows hold when a training begins: nothing (paper), or one token that no step has made, of an action
-    drawn uniformly, reward 0 and the first observation (published code). An empty window is zeros to the published
-    reader, whose gradient there can be very large. Evaluations begin with empty windows in either case. Needs
-    reset=False."""
-    aligned: bool = True
-    """Update every sample with its own window; False gives it that of another sample, as the published code does."""
-    halved: bool = False
-    """Halve the given layers, width and feed_forward but not T-Fixup's factors, as the published code does in silence
-    (its flags say 2, 64 and 256)."""
-    recompute: bool = True
-    """Keep observations, and embed them anew with gradient in the update; False keeps the embedding made when acting
-    (published code), through which no gradient flows. States that read the task (merged) are made anew at every step:
-    they need True, and go into the tokens by themselves, without the layers of the environment encoder."""
-    segment_length: int = 8
-    """PPO draws its minibatches in pieces of so many successive steps, which share the work on their windows or their
-    carried state; must divide unroll_length. 1 draws every step by itself, as the published code does, and is several
-    times slower."""
-
-    def __post_init__(self) -> None:
-        if self.length < 1:
-            raise ValueError(f"a context window holds at least one step, got length={self.length}")
-        if self.segment_length < 1:
-            raise ValueError(f"a segment holds at least one step, got segment_length={self.segment_length}")
-        if not self.aligned and self.segment_length > 1:
-            raise ValueError(
-                "aligned=False gives every step the window of another one, so steps share nothing; it needs "
-                f"segment_length=1, got segment_length={self.segment_length}"
-            )
-        if self.carried and not isinstance(self.reader, GRUConfig):
-            raise ValueError(
-                "carried=True needs a reader with a state, network.context.reader=gru, got a reader of "
-                f"{type(self.reader).__name__}"
-            )
-        if self.carried and self.length != ContextConfig.length:
-            raise ValueError(
-                f"a state that is carried has no window, so that its length={self.length} would mean nothing: leave "
-                f"it at {ContextConfig.length}, or use carried=False"
-            )
-        if self.carried and self.segment_length < 2:
-            raise ValueError(
-                "a carried state is learned over the steps of a segment, and the first of them reads the state that "
-                f"was stored: carried=True needs segment_length=2 or more, got segment_length={self.segment_length}"
-            )
-        if self.carried and not (self.aligned and self.recompute):
-            raise ValueError(
-                "with carried=True there are no windows to misalign and no embeddings to keep; it needs aligned=True "
-                f"and recompute=True, got aligned={self.aligned} and recompute={self.recompute}"
-            )
-        if self.first_token != "none" and self.carried:
-            raise ValueError(
-                f"first_token={self.first_token} is put into a window, and a state that is carried has none; use "
-                "first_token=none, or carried=False"
-            )
-        if self.first_token != "none" and self.reset:
-            raise ValueError(
-                f"with reset=True every episode begins with an empty window; first_token={self.first_token} needs "
-                "reset=False"
-            )
-        if self.halved and not isinstance(self.reader, TransformerConfig):
-            raise ValueError(
-                f"halved=True is a mistake in building a Transformer, got a reader of {type(self.reader).__name__}"
-            )
-        if isinstance(self.reader, TransformerConfig) and self.halved and self.reader.layers < 2:
-            raise ValueError(
-                f"halved=True needs a context Transformer of two layers or more, got layers={self.reader.layers}"
-            )
-
-    @property
-    def encoder(self) -> SequenceEncoderConfig:
-        """The reader as it is built."""
-        if not self.halved:
-            return self.reader
-        sizes = {name: getattr(self.reader, name) // 2 for name in ("layers", "width", "feed_forward")}
-        return replace(self.reader, **sizes)
-
-
-@struct.dataclass
-class Window:
-    """The last K steps of one environment, oldest first; while the episode is younger, the first slots are empty."""
-
-    action: jax.Array  # [..., K, A], or int32[..., K] where actions are discrete
-    reward: jax.Array  # float32[..., K]
-    seen: jax.Array  # float32[..., K, D]: what the action was taken on, the observation or its embedding
-    valid: jax.Array  # bool[..., K], False for an empty slot
-
-
-@struct.dataclass
-class Carried:
-    """What a GRU made of all steps of the episode so far; zeros before the first one."""
-
-    state: jax.Array  # float32[..., H], or [..., n, H] where each of n objects is remembered by itself
-
-
-Carry: TypeAlias = Window | Carried | tuple[()]
-"""What a policy remembers of an episode: a window or a carried state, or nothing at all without context."""
-
-
-@struct.dataclass
-class Segment:
-    """S successive steps of one environment, and what is needed for the windows or carried states of all of them."""
-
-    start: Any  # of the first step: a `Window` of [..., K] slots, or a `Carried` of [...]
-    action: jax.Array  # [..., S, A], or int32[..., S] where actions are discrete
-    reward: jax.Array  # float32[..., S]
-    ended: jax.Array  # bool[..., S], the episode ended with this step
-    seen: jax.Array | None  # float32[..., S, E], embeddings made when acting; None where they are made anew
-
-
-def empty_window(length: int, action: jax.Array, seen_size: int) -> Window:
-    """The window of one environment before its first step; `action` is any one action, for its shape and dtype."""
-    return Window(
-        action=jnp.zeros((length, *action.shape), action.dtype),
-        reward=jnp.zeros(length),
-        seen=jnp.zeros((length, seen_size)),
-        valid=jnp.zeros(length, bool),
-    )
-
-
-def append(window: Window, action: jax.Array, reward: jax.Array, seen: jax.Array) -> Window:
-    """One slot more, for a step in which `action` was taken on `seen` and led to `reward`: K + 1 slots.
-
-    Without the newest slot this is the window at the start of the step, without the oldest the one after it.
-    """
-    axis = reward.ndim  # of the slots: behind the leading axes, which all fields share
-
-    def add(old: jax.Array, new: jax.Array) -> jax.Array:
-        return jnp.concatenate([old, jnp.expand_dims(new.astype(old.dtype), axis)], axis)
-
-    return jax.tree.map(add, window, Window(action, reward, seen, jnp.ones(reward.shape, bool)))
-
-
-def without_oldest(carry: Carry) -> Carry:
-    """The carry less its first slot."""
-    return _slots(carry, slice(1, None))
-
-
-def without_newest(carry: Carry) -> Carry:
-    """The carry less its last slot."""
-    return _slots(carry, slice(None, -1))
-
-
-def _slots(carry: Carry, chosen: slice) -> Carry:
-    if not isinstance(carry, Window):
-        return carry
-    leading = (slice(None),) * (carry.reward.ndim - 1)
-    return jax.tree.map(lambda x: x[*leading, chosen], carry)
-
-
-def empty_where(carry: T, ended: jax.Array) -> T:
-    """The carry emptied where `ended` bool[...], one flag per environment."""
-
-    def clear(x: jax.Array) -> jax.Array:
-        return jnp.where(ended.reshape(ended.shape + (1,) * (x.ndim - ended.ndim)), jnp.zeros_like(x), x)
-
-    return jax.tree.map(clear, carry)
-
-
-def token_parts(action: jax.Array, reward: jax.Array, seen: jax.Array, num_actions: int | None) -> jax.Array:
-    """Side by side what a token is made of: action [..., A] or int32[...], reward [...], seen [..., E]; or what the
-    tokens of n objects are made of, of which [..., n, E] was seen."""
-    action = action if num_actions is None else jax.nn.one_hot(action, num_actions)
-    done = jnp.concatenate([action, reward[..., None]], axis=-1)
-    if seen.ndim > done.ndim:
-        done = jnp.broadcast_to(done[..., None, :], (*seen.shape[:-1], done.shape[-1]))
-    return jnp.concatenate([done, seen], axis=-1)
-
-
-def stack_windows(slots: jax.Array, axis: int, steps: int, after: bool) -> jax.Array:
-    """The windows of S `steps` from a sequence of K + S slots along `axis`: [..., K + S, ...] -> [..., S, K, ...].
-
-    That of step s are the K slots before its own; with `after`, the K that end with its own. K slices instead of one
-    gather, whose gradient would be a scatter.
-    """
-    length = slots.shape[axis] - steps
-    slices = [jax.lax.slice_in_dim(slots, k + after, k + after + steps, axis=axis) for k in range(length)]
-    return jnp.stack(slices, axis + 1)
-
-
-def valid_in_windows(segment: Segment, reset: bool, after: bool) -> jax.Array:
-    """Which slots of the windows of `stack_windows` are filled, with `reset` by the own episode: bool[..., S, K]."""
-    start, axis, steps = segment.start, segment.reward.ndim - 1, segment.reward.shape[-1]
-    filled = jnp.concatenate([start.valid, jnp.ones_like(segment.ended)], axis)
-    valid = stack_windows(filled, axis, steps, after)
-    if not reset:
-        return valid
-    episode = jnp.cumsum(segment.ended, axis) - segment.ended  # how many ended before a step
-    of_slot = jnp.concatenate([jnp.zeros(start.valid.shape, episode.dtype), episode], axis)
-    return valid & (stack_windows(of_slot, axis, steps, after) == episode[..., None])
-
-
-def windows_of(segment: Segment, obs: jax.Array, reset: bool, after: bool) -> Window:
-    """The windows of all steps of a segment, or with `after` those that they lead to, in full: [..., S] of them.
-
-    obs [..., S, O] are the observations of the steps. A slot of another episode is not valid, but not emptied.
-    """
-    start, axis, steps = segment.start, segment.reward.ndim - 1, segment.reward.shape[-1]
-
-    def stacked(before: jax.Array, during: jax.Array) -> jax.Array:
-        return stack_windows(jnp.concatenate([before, during], axis), axis, steps, after)
-
-    return Window(
-        action=stacked(start.action, segment.action),
-        reward=stacked(start.reward, segment.reward),
-        seen=stacked(start.seen, obs),
-        valid=valid_in_windows(segment, reset, after),
-    )
+from t2tl_jax.networks.windows import (
+    Carried,
+    Carry,
+    Segment,
+    Window,
+    append,
+    empty_where,
+    empty_window,
+    stack_windows,
+    token_parts,
+    valid_in_windows,
+    windows_of,
+    without_oldest,
+)
+from t2tl_jax.registry import CONTEXT_READERS
 
 
 class ContextEncoder(nn.Module):
@@ -406,7 +185,3 @@ def _remembered(carry: Any) -> Window | Segment:
     if not isinstance(carry, Window | Segment):
         raise ValueError(f"a network with context needs a window, got {type(carry).__name__}")
     return carry
-
-
-register_context_reader("transformer", TransformerConfig, TransformerEncoder)
-register_context_reader("gru", GRUConfig, GRUWindowReader)

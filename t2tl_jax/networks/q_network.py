@@ -16,12 +16,14 @@ from flax import linen as nn
 
 from t2tl_jax import checks
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.context import Carry, ContextConfig, ContextEncoder, RecurrentNetwork
+from t2tl_jax.networks.context import ContextEncoder, RecurrentNetwork
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.state_encoder import StateEncoderConfig
 from t2tl_jax.networks.state_encoders import FlatConfig, check_context, make_state_encoder
 from t2tl_jax.networks.task_encoder import RowEncoder, TaskEncoder, TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.networks.windows import Carry
 from t2tl_jax.objects import Objects
 
 HE = nn.initializers.orthogonal(2**0.5)

@@ -6,7 +6,7 @@ from typing import ClassVar
 import jax
 from flax import linen as nn
 
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gated import GatedConfig, GatedEncoder
 from t2tl_jax.networks.merged import MergedConfig, MergedEncoder
 from t2tl_jax.networks.objects import ObjectsConfig, ObjectsEncoder

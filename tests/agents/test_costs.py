@@ -16,7 +16,7 @@ from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.agents.td_learning import Transition, dqn_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.task_env import Shared, TaskEnv
 from tests.agents import sizes

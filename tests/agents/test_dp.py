@@ -15,7 +15,7 @@ from t2tl_jax.agents.dp import make_dp, solve
 from t2tl_jax.agents.dp_config import DPConfig
 from t2tl_jax.ltl import compile_pool, compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.single_state import SingleState, SingleStateConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.agents.sizes import GRAPH, GRU

@@ -13,7 +13,7 @@ from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.replay import make_replay
 from t2tl_jax.agents.td_learning import dqn_loss, td_targets
 from t2tl_jax.ltl import compile_tasks
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv

@@ -13,10 +13,12 @@ from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.context import ContextConfig, ContextEncoder, append, empty_window, without_oldest
+from t2tl_jax.networks.context import ContextEncoder
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
+from t2tl_jax.networks.windows import append, empty_window, without_oldest
 from t2tl_jax.registry import named_config
 from t2tl_jax.task_env import TaskEnv
 from tests.agents import sizes

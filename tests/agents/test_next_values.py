@@ -12,7 +12,7 @@ from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.agents.ppo_learning import in_parts, in_segments
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.agents import sizes

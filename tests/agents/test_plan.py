@@ -14,7 +14,7 @@ from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.episodes import play
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.lookahead import LookaheadConfig, LookaheadTaskEncoder
 from t2tl_jax.networks.roles import RolesConfig
 from t2tl_jax.task_env import TaskEnv

@@ -9,7 +9,7 @@ import pytest
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv
 from tests.agents import sizes

@@ -52,7 +52,7 @@ import math, re
 from dataclasses import replace
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.devices import seed_sharding
 from t2tl_jax.training.program import params_of_seeds, trace

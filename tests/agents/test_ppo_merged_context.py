@@ -13,13 +13,14 @@ from brax.envs.base import State
 from t2tl_jax.agents.ppo import make_ppo
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.context import ContextConfig, Segment
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.merged import MergedConfig
 from t2tl_jax.networks.objects import ObjectsConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.roles import RolesConfig
 from t2tl_jax.networks.state_encoders import FlatConfig
+from t2tl_jax.networks.windows import Segment
 from t2tl_jax.objects import Objects
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.types import repeated

@@ -13,8 +13,9 @@ from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.agents.ppo_learning import Batch, ppo_loss
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.context import ContextConfig, Segment, stack_windows, valid_in_windows
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
+from t2tl_jax.networks.windows import Segment, stack_windows, valid_in_windows
 from t2tl_jax.training.types import repeated
 from tests.agents import sizes
 from tests.parameters import parameters

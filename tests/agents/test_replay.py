@@ -10,7 +10,8 @@ from flashbax.buffers import trajectory_buffer
 
 from t2tl_jax.agents.replay import make_replay
 from t2tl_jax.agents.td_learning import Transition
-from t2tl_jax.networks.context import ContextConfig, append, empty_where, empty_window, without_oldest
+from t2tl_jax.networks.context_config import ContextConfig
+from t2tl_jax.networks.windows import append, empty_where, empty_window, without_oldest
 from t2tl_jax.task_env import Shared
 
 ENVS, SIZE, LENGTH, BATCH = 3, 14, 2, 64  # the ring is no multiple of the environments

@@ -13,7 +13,7 @@ from experiments.cli import words
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import Chains, Mixture, Named
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.registry import configs, named_config

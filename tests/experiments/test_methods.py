@@ -9,7 +9,7 @@ from experiments.cli import request as command_line
 from experiments.fairness import sizes
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.errors import UserError
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.rgcn import RGCNConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.registry import named_config

@@ -11,12 +11,13 @@ import pytest
 
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic
-from t2tl_jax.networks.context import Carried, ContextConfig, Segment
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gated import GatedConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.merged import MergedConfig
 from t2tl_jax.networks.q_network import QNetworkConfig
 from t2tl_jax.networks.state_encoders import FlatConfig
+from t2tl_jax.networks.windows import Carried, Segment
 from t2tl_jax.training.types import repeated
 from tests.agents.test_ppo_merged_context import COLOURS, LIDARS, OBSERVATION, READINGS
 from tests.agents.test_ppo_merged_context import NETWORK as MERGED

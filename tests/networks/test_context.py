@@ -11,18 +11,12 @@ import pytest
 
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.context import (
-    ContextConfig,
-    ContextEncoder,
-    Window,
-    append,
-    empty_where,
-    empty_window,
-    without_oldest,
-)
+from t2tl_jax.networks.context import ContextEncoder
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
+from t2tl_jax.networks.windows import Window, append, empty_where, empty_window, without_oldest
 from t2tl_jax.training.types import repeated
 from tests.parameters import parameters
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from t2tl_jax.networks.actor_critic import NetworkConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gated import GatedConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.state_encoders import make_state_encoder

@@ -13,7 +13,7 @@ import pytest
 from envs.waterworld import WaterWorld, WaterWorldConfig
 from t2tl_jax.ltl import TaskTable, compile_tasks
 from t2tl_jax.networks.actor_critic import ActorCritic, NetworkConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.joined import JoinedConfig
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.objects import ObjectsConfig, object_features

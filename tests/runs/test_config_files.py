@@ -14,7 +14,7 @@ from envs.zones import ZoneConfig
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.ppo_config import PPOConfig
 from t2tl_jax.errors import UserError
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import configs, named_config

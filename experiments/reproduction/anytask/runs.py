@@ -11,7 +11,7 @@ from experiments.reproduction.plan import Run
 from t2tl_jax.agents.dp_config import DPConfig
 from t2tl_jax.ltl import Chains, Conjunction, Disjunction, Grammar, Mixture, Named
 from t2tl_jax.networks.automaton_encoder import AutomatonConfig
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gated import GatedConfig
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.networks.lookahead import LookaheadConfig

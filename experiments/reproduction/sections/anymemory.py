@@ -12,7 +12,7 @@ from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections.anyfigures import MODE, own_family, spread, state_of
 from experiments.reproduction.stored import Stored
-from t2tl_jax.networks.context import ContextConfig
+from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.registry import named_config
 
 CARRIED = "any-memory-carried"
