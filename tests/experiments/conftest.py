@@ -1,12 +1,13 @@
-"""The fixtures of `tests/fake_runs.py`, and runs of the plan that nobody trained."""
+"""The fixtures of `tests/fake_runs.py` and `tests/any_runs.py`, and runs of the plan that nobody trained."""
 
 import pytest
 
 from experiments.reproduction.runs import all_runs
+from tests.any_runs import zones
 from tests.fake_runs import evaluate_run, finished, finished_run, read_json, resume, train
 from tests.made_up_runs import write
 
-__all__ = ["configs", "evaluate_run", "finished", "finished_run", "make", "read_json", "resume", "train"]
+__all__ = ["configs", "evaluate_run", "finished", "finished_run", "make", "read_json", "resume", "train", "zones"]
 
 
 @pytest.fixture(scope="session")
