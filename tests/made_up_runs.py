@@ -11,6 +11,9 @@ from experiments.reproduction.stored import Stored
 from t2tl_jax.runs import config_files
 from t2tl_jax.runs.config import Config
 
+NEAR = np.array([0.0, 0.001, 0.002, 0.003])
+"""Added to a value: what four seeds come to that nearly agree."""
+
 NOTHING = {
     "episodes": 10.0,
     "success_rate": 0.0,
@@ -133,3 +136,8 @@ def rows(text: str) -> dict[str, list[str]]:
     """The cells of every row of every table, by its first one; of two alike the later one."""
     lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
     return {line[0]: line[1:] for line in lines}
+
+
+def outcome(text: str, claim: str) -> str:
+    """The last cell of the row of a claim."""
+    return rows(text)[claim][-1]

@@ -2,6 +2,7 @@
 
 import pytest
 
+from experiments.reproduction import claims
 from experiments.reproduction.runs import all_runs
 from tests.any_runs import zones
 from tests.fake_runs import evaluate_run, finished, finished_run, read_json, resume, train
@@ -20,3 +21,9 @@ def configs():
 def make(configs, tmp_path):
     """Writes the run of a name, as it would be configured."""
     return lambda name, **written: write(tmp_path / name, configs[name], **written)
+
+
+@pytest.fixture
+def unpaired(monkeypatch):
+    """Environments need not be built to see whether seeds share maps: `test_claims.py` does that."""
+    monkeypatch.setattr(claims, "worlds", lambda config, seeds: None)

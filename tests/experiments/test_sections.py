@@ -1,43 +1,25 @@
-"""The sections of the results, from runs that nobody trained: figures by hand, outcomes, and what is missing."""
+"""The sections of the results, from runs that nobody trained: figures by hand, outcomes, and what is missing.
 
-import dataclasses
+Of two sections see `test_reward_machine_benchmark.py` and `test_attention_section.py`; of what is said of settings
+below several of them `test_settings_said.py`.
+"""
+
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from experiments.paper import published_attention, published_water, published_widths, step_tables
-from experiments.reproduction import below, cells, chance, claims, measures, representations
+from experiments.paper import published_widths, step_tables
+from experiments.reproduction import cells, chance, measures, representations
 from experiments.reproduction.items import ITEMS
-from experiments.reproduction.sections import (
-    ablation,
-    attention,
-    benchmark,
-    figures,
-    safe,
-    settings,
-    steps,
-    unit_time,
-    widths,
-)
+from experiments.reproduction.sections import ablation, figures, safe, steps, unit_time, widths
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.work import READING
-from t2tl_jax.registry import named_config
-from tests.made_up_runs import played, pretrained, reading, rows
+from tests.made_up_runs import NEAR, outcome, played, pretrained, reading, rows
 
 SEEDS = (0, 1, 2, 3)
-NEAR = np.array([0.0, 0.001, 0.002, 0.003])
 
-
-@pytest.fixture(autouse=True)
-def unpaired(monkeypatch):
-    """Environments need not be built to see whether seeds share maps: `test_claims.py` does that."""
-    monkeypatch.setattr(claims, "worlds", lambda config, seeds: None)
-
-
-def outcome(text, claim):
-    return rows(text)[claim][-1]
+pytestmark = pytest.mark.usefixtures("unpaired")
 
 
 def test_steps_of_who_fails_count_as_the_limit(make):
@@ -244,36 +226,6 @@ def test_violations_are_counted_by_episode(make):
     assert "difference" not in safe.safe({"safe-dfa": runs["safe-dfa"]})
 
 
-def test_whose_values_run_off_is_said(make):
-    returns = np.tile(np.array([0.9, 0.45, 0.0, 0.9])[:, None], (1, 10))
-    values = np.tile(np.array([0.5, 1.5, 0.5, 2.5])[:, None], (1, 10))
-    seen = {"length": 2.0, "discounted_return": returns, "q": values, "seeds": (1, 2, 3, 4)}
-    runs = {name: make(name, **seen) for name in ("rm-single-crm", "rm-single-crm_shaped")}
-    text = benchmark.overvalued(runs)
-    assert "rm-single-crm on map 2 (1.5; return 0.450 at the end" in text and "rm-single-crm on map 4" in text
-    assert "shaped on map 4" in text and "shaped on map 2" not in text and "map 1" not in text
-    said = benchmark.settings(runs | {"rm-single-ql": make("rm-single-ql")})
-    assert "rm-single-crm, rm-single-crm_shaped: learning rate 0.0001, falling to 0" in said
-    assert "rm-single-ql: learning rate 3e-05, falling to 0" in said and "the time limit is an end" in said
-    assert said.endswith(benchmark.PUBLISHED_SETTINGS) and benchmark.overvalued({}) == ""
-
-
-def test_the_run_in_the_published_form_says_what_it_has_and_what_still_differs(make):
-    form, usual = "rm-single-crm-published", "rm-single-crm"
-    runs = {name: make(name, seeds=(1, 2), frames=200_000, episodes=100.0) for name in (usual, form)}
-    said = benchmark.settings(runs)
-    ours, theirs = "layers 512, 512, 512, head bilinear", "layers 1024, 1024, 1024, head concat"
-    assert f"{usual}: learning rate 0.0001, falling to 0; {ours}; gradients clipped as a whole." in said
-    assert f"{form}: learning rate 1e-05, constant; {theirs}, a layer of 256 in each of two heads; gradients" in said
-    assert "clipped array by array." in said
-    text = benchmark.benchmark(runs)
-    assert f"{form} - {usual}" in rows(text) and f"{form} after 200,000 to 2,000,000 steps" in text
-    assert f"for the slow run and {form}, which have the published one" in " ".join(text.split())
-    assert "still differs from the published program" in " ".join(text.split())
-    without = " ".join(benchmark.single_note({usual: runs[usual]}).split())
-    assert "but for the slow run, which has the published one" in without and form not in without
-
-
 def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make):
     falling = np.tile([0.0] * 5 + [0.8] + [0.0] * 3 + [0.4], (4, 1))  # eighths of ten iterations
     runs = {
@@ -294,148 +246,6 @@ def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make
     assert ablation.small_batches({"water-rm-every-step": runs["water-rm-every-step"]}) == ""
 
 
-def test_for_which_form_settings_were_chosen_is_said_beside_the_others(make):
-    names = ("water-t1tl", "water-paper-t1tl", "water-rm", "water-dfa", "water-rm-per-16")
-    runs = {name: make(name) for name in names}
-    text = settings.chosen({name: runs[name] for name in names[:2]})
-    assert text.startswith("Settings were chosen for `waterworld_dqn` on seeds 100-111 (with rm; codes: t1tl), where")
-    assert "a frozen encoder and the bilinear head. They were not chosen again for an encoder that is trained" in text
-    assert (
-        "trained on (water-paper-t1tl); nor for a code that is concatenated with the state (water-paper-t1tl)" in text
-    )
-    own_row = settings.chosen({name: runs[name] for name in ("water-rm", "water-dfa")})
-    assert "again for learning from the own row alone (water-dfa). " in own_row and "trained on" not in own_row
-    assert settings.chosen({name: runs[name] for name in ("water-t1tl", "water-rm")}) == ""
-    assert settings.chosen({"water-rm-per-16": runs["water-rm-per-16"]}) == " ".join(settings.EARLIER.split())
-    zone = {name: make(name) for name in ("zone-t1tl-pre-none", "zone-published-t1tl")}
-    assert settings.chosen(zone) == ""  # in what form those of ZoneEnv were chosen is not recorded
-
-
-@pytest.mark.parametrize("item", ["water-form", "simultaneous", "simultaneous-one-hot", "pretraining-water"])
-def test_sections_of_waterworld_say_for_which_form_settings_were_chosen(make, item):
-    text = ITEMS[item].section({name: make(name) for name in ITEMS[item].runs})
-    assert "They were not chosen again for " in text and settings.LEADS in text
-
-
-def test_encoders_that_begin_otherwise_have_no_settings_of_their_own(make):
-    names = [f"water-gnn-pre-{kind}" for kind in ("none", "own")]
-    said = settings.chosen({name: make(name) for name in names})
-    assert "an encoder that is trained on (all runs here); nor for no pre-training (water-gnn-pre-none)." in said
-
-
-def test_return_of_recent_episodes(make):
-    returns = np.tile([0.0] * 5 + [0.5] * 5, (4, 1))
-    run = make("rm-single-crm", discounted_return=returns, episodes=50.0)
-    found = benchmark.recent(run, (500, 5000, 6000, 10_000, 10_001), "discounted_return")
-    np.testing.assert_allclose(found[0], [np.nan, 0.0, 0.25, 0.5, np.nan])  # 100 episodes are two iterations
-
-
-def test_paid_episodes_are_compared_with_the_published_share(make):
-    """Those of a run that is older than the metric are not known, and not taken for none."""
-    reward = np.tile([0.0] * 2 + [0.5] * 8, (4, 1)) + np.array([[-0.1], [0.0], [0.0], [0.1]]) * ([0] * 2 + [1] * 8)
-    new = make("rm-single-crm-slow", total_reward=reward, episodes=100.0, frames=200_000)
-    old = make("rm-single-ql", episodes=100.0, frames=200_000)
-    del old.metrics["total_reward"]
-    text = benchmark.rewarded({"rm-single-crm-slow": new, "rm-single-ql": old})
-    own = rows(text)["rm-single-crm-slow"]
-    assert own[2].startswith("0.000") and own[3].startswith("0.500") and "rm-single-ql" not in rows(text)
-    assert f"{below.OUTSIDE}: rm-single-crm-slow after 200,000 to 2,000,000 steps." in text
-    assert "rm-single-crm-slow: 0.40, 0.50, 0.50, 0.60." in text
-    assert text.endswith(benchmark.UNKNOWN.format("rm-single-ql"))
-
-
-def test_the_benchmark_judges_counterfactual_learning_by_map(make):
-    def ten(name, score):
-        columns = {f"{what}_{k + 1}": 1.0 for k in range(10) for what in ("episodes", "best_score")}
-        columns |= {f"score_{k + 1}": score for k in range(10)}
-        return make(name, seeds=(1, 2, 3, 4), frames=200_000, **columns)
-
-    runs = {"rm-crm": ten("rm-crm", 0.8 + NEAR), "rm-ql": ten("rm-ql", 0.5 + NEAR)}
-    scores = benchmark.scores(runs)["rm-crm"]
-    assert list(scores) == [1, 2, 3, 4] and scores[1] == pytest.approx([0.8] * len(published_water.STEPS))
-    text = benchmark.benchmark(runs)
-    assert outcome(text, "rm-crm > rm-ql") == "reproduced"
-    assert "ql-rs, published" in text and "Corrected for 4 comparisons, 1 of which" in text
-    some = {seed: np.full(len(published_water.STEPS), 0.3 + off) for seed, off in enumerate((-0.05, 0.05, -0.05, 0.05))}
-    within, outside = benchmark.behind({"rm-ql": some, "rm-other": some}).splitlines()
-    assert within == f"{below.WITHIN}: rm-ql after 400,000 steps."  # 0.3 [0.21, 0.39] beside 0.33
-    assert outside.startswith(f"{below.OUTSIDE}: rm-ql after 600,000 to ") and "other" not in outside
-    [said] = [
-        line for line in benchmark.how_far_behind({"rm-ql": some, "rm-crm": some}).splitlines() if "below" in line
-    ]
-    assert said.startswith("These means are below by: rm-ql 0.030 to 0.355. Width, head")
-    assert benchmark.how_far_behind({"rm-ql": {1: np.ones(len(published_water.STEPS))}}) == ""
-    assert "A lead on why" not in text
-    runs["rm-single-ql"] = make("rm-single-ql")
-    text = benchmark.benchmark(runs)
-    assert rows(text)["ql, published"] == ["0.378", "0.877", "0.975", "0.986", "0.984"] and "not claimed" not in text
-    assert benchmark.benchmark({}) == ""
-
-
-def test_the_authors_narrow_network_is_a_lead_for_the_single_task(make):
-    columns = {f"{what}_{k + 1}": 1.0 for k in range(10) for what in ("episodes", "best_score")}
-    single = {"rm-single-crm": make("rm-single-crm")}
-    without = " ".join(benchmark.lead({}, single).split())
-    assert "score of 0.644 where their 1,024 end at 0.736, so that width alone costs 0.092 there." in without
-    assert without.endswith("no such run is published.") and benchmark.lead({}, {}) == ""
-    columns |= {f"score_{k + 1}": 0.9 for k in range(10)}
-    ten = {"rm-crm": make("rm-crm", seeds=(1, 2), frames=200_000, **columns)}
-    assert "ours is as narrow and ends at 0.900" in " ".join(benchmark.lead(ten, single).split())
-    assert benchmark.lead(ten, single) in benchmark.benchmark(ten | single)
-    worse = {
-        "rm-crm": make(
-            "rm-single-crm_shaped", seeds=(1, 2), frames=200_000, **columns | {"score_1": 0.0, "score_2": 0.0}
-        )
-    }
-    assert " ".join(benchmark.lead(worse, single).split()) == without
-
-
-def test_attention_claims_are_asked_of_every_seed(make):
-    run = make("prime-own", seeds=tuple(range(12)), status=pretrained(7000))
-    star = {"start": {"3: and": 6, "8: White": 6}, "end": {"4: Black": 12}}
-    (run.path / READING).write_text(json.dumps(reading(star, agreement=0.0, black=1.0, seeds=12)))
-    text = attention.attention({"prime-own": run})
-    assert outcome(text, "prime-own: token* is the conjunction at the start") == "undecided"
-    assert outcome(text, "prime-own: token* is Black at the end") == "reproduced"
-    assert outcome(text, "prime-own: token* is the needed token at the end") == "not reproduced"
-    assert outcome(text, "prime-own: Black is entered first at the end") == "reproduced"
-    assert "Corrected for 8 comparisons, 4 of which can be made so far." in text
-    assert rows(text)["4: Black"][-2:] == ["0.96", "1.67"]
-    assert rows(text)["published, end"][0] == "Black (1.67)"
-    assert "| layer 0 | layer 1 |" in text and "Pre-training, apart: 7,000 frames a seed" in text
-    assert attention.attention({}) == ""
-
-
-def test_attention_without_weights_is_removal_alone(make):
-    """A graph network attends to nothing; runs that were read before projections were stored have none."""
-    run = make("prime-fresh")
-    found = reading({"start": {}, "end": {}}, agreement=0.0, black=0.5, seeds=4)
-    for stage in found["over_seeds"].values():
-        stage["attention_received"], stage["agreement"] = None, dict.fromkeys(("value", "low", "high")) | {"count": 0}
-    del found["out_projection_change"]
-    (run.path / READING).write_text(json.dumps(found))
-    text = attention.attention({"prime-fresh": run})
-    assert outcome(text, "prime-fresh: Black is entered first at the end") == "undecided"
-    assert "token* is" not in text.split("Token* is")[0] and "layer 0" not in text
-
-
-def test_agents_that_do_not_do_the_task_are_counted_beside_their_attention(make):
-    runs, limit = {}, named_config("zone_ppo").episode_length
-    for name, rates in (("prime-fresh", [1.0, 1.0, 0.96, 0.04]), ("prime-own", None)):
-        runs[name] = make(name, evaluated={limit: played(rates, 9.0)} if rates else None)
-        (runs[name].path / READING).write_text(json.dumps(reading({"start": {}, "end": {}}, 0.5, 0.5, 4)))
-    text = attention.attention(runs)
-    assert rows(text)["prime-fresh, start"][-2:] == ["-", "-"] == rows(text)["prime-own, end"][-2:]
-    assert rows(text)["prime-fresh, end"][-2] == "3/4" and rows(text)["prime-fresh, end"][-1].startswith("0.750 [")
-    assert "carry it out is 0.75 (prime-fresh)." in " ".join(text.split())
-    assert attention.of_all({("prime-own", "end"): {}}, runs) == ""
-
-
-def test_published_attention_sums_to_the_heads():
-    for values in (published_attention.START, published_attention.END):
-        assert len(values) == len(published_attention.TOKENS) and sum(values) == pytest.approx(8, abs=0.05)
-
-
 def test_every_section_works_with_any_single_run(make):
     """As they come in one after the other; most say nothing of a claim yet."""
     score = {f"{what}_{k + 1}": 0.5 for k in range(10) for what in ("episodes", "score", "best_score")}
@@ -450,28 +260,3 @@ def test_every_section_works_with_any_single_run(make):
                 (made[one].path / READING).write_text(json.dumps(reading(star, 0.5, 0.5, 2)))
             assert isinstance(item.section({one: made[one]}), str)
         assert not own or item.section({one: made[one] for one in own})
-
-
-def test_marks_that_follow_one_another_are_told_as_a_range():
-    values = np.tile([0.0, 0.0, 0.0, 9.0, 0.0, 0.0], (4, 1)) + np.array([[0.1], [-0.1], [0.2], [-0.2]])
-    found = below.marks(values, [1, 2, 3, 4, 5, 6000], [1.0] * 6)
-    assert found == {below.WITHIN: [], below.OUTSIDE: ["1 to 3", "5", "6,000"]}
-
-
-def test_compared_runs_that_differ_in_several_settings_say_which():
-    shared = named_config("zone_ppo")
-    slower = dataclasses.replace(shared.learner, epochs=9, discount=0.5)
-    configs = {
-        "base": shared,
-        "one": dataclasses.replace(shared, random_starts=0.5),
-        "two": dataclasses.replace(shared, learner=slower, seeds="3"),
-        "fresh": dataclasses.replace(shared, pretrained="", learner=slower),
-    }
-    runs = {name: SimpleNamespace(config=config) for name, config in configs.items()}
-    pairs = [("base", "one"), ("base", "two"), ("two", "fresh"), ("base", "fresh"), ("base", "missing")]
-    text = settings.settings(runs, pairs)
-    epochs, discount = shared.learner.epochs, shared.learner.discount
-    first = f"- base, two: `learner.discount` {discount}, 0.5; `learner.epochs` {epochs}, 9."
-    assert text.splitlines()[:3] == [settings.MANY, "", first]
-    assert text.splitlines()[3].startswith("- base, fresh: ") and "`pretrained` auto:own, no" in text
-    assert len(text.splitlines()) == 4 and settings.settings(runs, [("base", "one")]) == ""
