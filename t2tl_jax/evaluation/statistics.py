@@ -27,12 +27,24 @@ class Estimate:
     """How many data points (episodes, successes or seeds) the estimate rests on."""
 
     def text(self, digits: int = 3) -> str:
-        """For a table: ``0.912 [0.871, 0.942]``, with a dash for what is unknown."""
+        """For a table: ``0.912 [0.871, 0.942]``, with a dash for what is unknown.
+
+        An interval that so few digits would show as empty gets more of them, up to `MORE_DIGITS`.
+        """
         if self.value is None:
             return "-"
         if self.low is None or self.high is None:
-            return f"{self.value:.{digits}f}"
-        return f"{self.value:.{digits}f} [{self.low:.{digits}f}, {self.high:.{digits}f}]"
+            return _fixed(self.value, digits)
+        while self.low < self.high and round(self.low, digits) == round(self.high, digits) and digits < MORE_DIGITS:
+            digits += 1
+        return f"{_fixed(self.value, digits)} [{_fixed(self.low, digits)}, {_fixed(self.high, digits)}]"
+
+
+MORE_DIGITS = 8
+
+
+def _fixed(value: float, digits: int) -> str:
+    return f"{round(value, digits) + 0.0:.{digits}f}"  # no minus before a zero
 
 
 def rate(hits: int, count: int) -> Estimate:

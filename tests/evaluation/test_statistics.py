@@ -48,6 +48,13 @@ def test_no_interval_has_zero_width():
     sure = mean_rate([1.0] * 12)
     assert sure.value == sure.high == 1.0 and sure.low == pytest.approx(rate(12, 12).low) and sure.low < 0.8
     assert mean_rate([0.5] * 12).low < 0.3 and mean_rate([0.7]).low is None
+
+
+def test_no_interval_looks_empty():
+    assert mean([7.31, 7.33, 7.35]).text(0) == "7.3 [7.3, 7.4]" and mean([7.3, 8.3, 9.3]).text(0) == "8 [6, 11]"
+    assert mean([1.0, 0.9998, 1.0], highest=1.0).text() == "0.9999 [0.9996, 1.0000]"
+    assert mean([-0.0001, 0.0002, -0.0003]).text() == "0.000 [-0.001, 0.001]"  # no minus before a zero
+    assert mean([1.0, 1.0 + 1e-12]).text() == "1.00000000 [1.00000000, 1.00000000]"  # some end there has to be
     assert interquartile_mean([0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0]).low is None
     with pytest.raises(ValueError, match="between 0 and 1"):
         mean_rate([0.5, 1.2])

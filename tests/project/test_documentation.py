@@ -42,6 +42,11 @@ def test_pages_are_those_of_the_stored_results(pages):
         assert (ROOT / name).read_text(encoding="utf-8") == text, f"{name} is not what results/ says"
 
 
+@pytest.mark.parametrize("page", [*sorted(file.name for file in (ROOT / "docs").glob("*.md")), "../README.md"])
+def test_no_interval_is_empty(page):
+    assert re.findall(r"\S+ \[(-?[\d.]+), \1\]", (ROOT / "docs" / page).read_text(encoding="utf-8")) == []
+
+
 @pytest.mark.slow
 def test_pictures_are_those_of_the_stored_results(wanted, pages):
     """Each holds a digest of the numbers that it shows, or of the parameters that play; its pixels also depend on the

@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.reproduction.page import table
 from experiments.reproduction.sections.anycertified import Bounds, bounds
-from experiments.reproduction.sections.anyfigures import MODE, SAMPLED, by_spread, figures, interval, over_tasks
+from experiments.reproduction.sections.anyfigures import MODE, SAMPLED, by_spread, by_tasks, figures, interval
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.statistics import Estimate
 
@@ -106,7 +106,7 @@ def _reached(of: Mapping[str, Any], bar: Bar, certified: Mapping[str, Bounds]) -
     doubts += _below(bar, certified)
     if doubts:
         return f"{REACHED} by the mean alone: {'; '.join(doubts)}"
-    if bar.over == "mean" and len(bar.tasks) > 1 and _includes(over_tasks(of, bar.tasks, bar.policy, bar.figure), bar):
+    if bar.over == "mean" and len(bar.tasks) > 1 and _includes(by_tasks(of, bar.tasks, bar.policy, bar.figure), bar):
         return f"{REACHED} for these formulas; the interval for others of their kind includes the bar"
     return REACHED
 
@@ -150,7 +150,7 @@ def _measured(of: Mapping[str, Any], bar: Bar) -> tuple[float, str]:
         estimate = (
             by_spread(np.asarray(each[0]), bar.figure)
             if len(each) == 1
-            else over_tasks(of, bar.tasks, bar.policy, bar.figure)
+            else by_tasks(of, bar.tasks, bar.policy, bar.figure)
         )
         return (np.nan if estimate.value is None else estimate.value), estimate.text(digits)
     worst = int(np.argmin(values))

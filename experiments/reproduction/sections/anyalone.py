@@ -7,11 +7,12 @@ import numpy as np
 
 from experiments.reproduction.anytask import met, suites
 from experiments.reproduction.anytask.runs import TEXTS
+from experiments.reproduction.cells import share
 from experiments.reproduction.page import table
 from experiments.reproduction.sections import anyends
 from experiments.reproduction.sections.anyaims import AIMS_HEADING, Aim, Bar
 from experiments.reproduction.sections.anyaims import aims as aims_of
-from experiments.reproduction.sections.anyfigures import SAMPLED, figures, over_tasks, own_family, spread
+from experiments.reproduction.sections.anyfigures import SAMPLED, figures, over_tasks, own_family
 from experiments.reproduction.stored import Stored
 from t2tl_jax.agents.dp_config import DPConfig
 
@@ -97,11 +98,11 @@ def _is_solved(run: Stored) -> bool:
 def _learned(run: Stored) -> str:
     """What a pre-training came to at its end."""
     if not _is_solved(run):
-        return spread(run.end("success_rate"))
+        return share(run.end("success_rate"))
     if "agreement" not in run.metrics:
         return "-"
     rounded = {seed: round(value, 6) for seed, value in run.end("agreement").items()}  # a sum can come to a hair over 1
-    return f"agreement {spread(rounded)}"
+    return f"agreement {share(rounded)}"
 
 
 def text_alone(runs: Mapping[str, Stored]) -> str:

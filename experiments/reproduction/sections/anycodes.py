@@ -7,12 +7,12 @@ import numpy as np
 
 from experiments.reproduction.anytask import met, suites
 from experiments.reproduction.anytask.runs import FIFTH_SEED, HEADLINE_SEEDS, LEARNED, SOLVED_RATES, TEXTS
-from experiments.reproduction.cells import COST, cost
+from experiments.reproduction.cells import COST, cost, share
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections import anyends, anyunread
 from experiments.reproduction.sections.anyalone import BROAD, PRETRAINED, SOLVED, label, read_alone, text_alone
-from experiments.reproduction.sections.anyfigures import OWN, SAMPLED, figures, over_tasks, own_family, spread, state_of
+from experiments.reproduction.sections.anyfigures import OWN, SAMPLED, figures, over_tasks, own_family, state_of
 from experiments.reproduction.stored import Stored
 
 ALMOST_ALL = 0.9
@@ -140,8 +140,8 @@ def _levels_row(name: str, run: Stored) -> tuple[str, ...]:
         label(name),
         state_of(run),
         _parameters(run),
-        spread(run.end("success_rate")),
-        spread(own_family(run)),
+        share(run.end("success_rate")),
+        share(own_family(run)),
         *cells,
     )
 

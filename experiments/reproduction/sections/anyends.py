@@ -18,7 +18,8 @@ def shares(of: Mapping[str, Any], tasks: Sequence[str]) -> list[str]:
     """Of the sampled policy's episodes, means over seeds and tasks; dashes where a task was not played."""
     if not set(tasks) <= of.keys():
         return ["-"] * len(ENDS)
-    return [over_tasks(of, tasks, SAMPLED, name).text().partition(" ")[0] for name in ENDS]
+    means = (over_tasks(of, tasks, SAMPLED, name).value for name in ENDS)
+    return ["-" if mean is None else f"{mean:.3f}" for mean in means]
 
 
 def cell(of: Mapping[str, Any], tasks: Sequence[str], unplayed: str = "-") -> str:

@@ -54,11 +54,6 @@ def by_spread(values: np.ndarray, figure: str) -> Estimate:
     return mean(values[np.isfinite(values)], *RANGES.get(figure, (0.0, 1.0)))
 
 
-def spread(rates: Mapping[int, float]) -> str:
-    """The same of rates by seed, for a cell."""
-    return by_spread(np.array(list(rates.values()), np.float64), "success_rate").text()
-
-
 def interval(estimate: Estimate, digits: int = 3) -> str:
     """The interval alone, for a cell; a dash where there is none."""
     if estimate.low is None or estimate.high is None:
@@ -66,10 +61,21 @@ def interval(estimate: Estimate, digits: int = 3) -> str:
     return f"[{estimate.low:.{digits}f}, {estimate.high:.{digits}f}]"
 
 
+def by_tasks(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> Estimate:
+    """The mean over seeds and tasks, both of them samples; without an interval where all are equal."""
+    return two_way_mean(_stacked(of, tasks, policy, figure), *RANGES.get(figure, (0.0, 1.0)))
+
+
 def over_tasks(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> Estimate:
-    """The mean over seeds and tasks, both of them samples."""
-    values = np.stack([of[task][policy][figure] for task in tasks], axis=1)
-    return two_way_mean(values, *RANGES.get(figure, (0.0, 1.0)))
+    """The same for a cell: of rates that are all equal with the interval of `over_seeds`."""
+    estimate, values = by_tasks(of, tasks, policy, figure), _stacked(of, tasks, policy, figure)
+    if estimate.low is None and figure not in RANGES and np.isfinite(values).all():
+        return over_seeds(values.mean(axis=1), figure)
+    return estimate
+
+
+def _stacked(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> np.ndarray:
+    return np.stack([of[task][policy][figure] for task in tasks], axis=1)
 
 
 def own_family(run: Stored, policy: str = SAMPLED) -> dict[int, float]:

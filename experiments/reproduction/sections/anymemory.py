@@ -7,10 +7,10 @@ import numpy as np
 
 from experiments.reproduction.anytask import met
 from experiments.reproduction.anytask.runs import BROAD_FRAMES, MEMORY_RANGE, MEMORY_SEGMENT, MEMORY_STEPS
-from experiments.reproduction.cells import COST, cost, text
+from experiments.reproduction.cells import COST, cost, share, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
-from experiments.reproduction.sections.anyfigures import MODE, own_family, spread, state_of
+from experiments.reproduction.sections.anyfigures import MODE, own_family, state_of
 from experiments.reproduction.stored import Stored
 from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.registry import named_config
@@ -31,11 +31,11 @@ def memory(names: Sequence[str], runs: Mapping[str, Stored]) -> str:
         (
             name.removeprefix("any-memory-"),
             state_of(run),
-            spread(own_family(run)),
-            spread(own_family(run, MODE)),
-            text(run.by_seed("violation_rate")),
-            text(run.by_seed("env_termination_rate")),
-            text(run.by_seed("timeout_rate")),
+            share(own_family(run)),
+            share(own_family(run, MODE)),
+            share(run.by_seed("violation_rate")),
+            share(run.by_seed("env_termination_rate")),
+            share(run.by_seed("timeout_rate")),
             text(run.by_seed("success_length"), 0),
             text(run.by_seed("discounted_return")),
             "-" if run.sizes is None else f"{run.sizes.others:,}",
@@ -153,7 +153,7 @@ FEWEST_SEEDS = 4
 
 
 def _success(run: Stored, part: tuple[float, float]) -> np.ndarray:
-    """Success in a part of the training, by seed."""
+    """Success in a part of the training, by seed; NaN of a seed of which no episode ended in it."""
     iterations = np.unique(run.columns["iteration"]) / run.columns["iteration"].max()
     among = (iterations > part[0]) & (iterations <= part[1])
-    return np.nanmean(run.metrics["success_rate"][:, among], axis=1)
+    return np.ma.masked_invalid(run.metrics["success_rate"][:, among]).mean(axis=1).filled(np.nan)

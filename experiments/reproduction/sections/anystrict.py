@@ -12,7 +12,7 @@ from experiments.reproduction.page import paragraph, table
 from experiments.reproduction.sections import anyends
 from experiments.reproduction.sections.anyaims import AIMS_HEADING, Aim, Bar
 from experiments.reproduction.sections.anyaims import aims as aims_of
-from experiments.reproduction.sections.anyfigures import SAMPLED, by_spread, figures, over_tasks
+from experiments.reproduction.sections.anyfigures import SAMPLED, figures, over_seeds, over_tasks
 from experiments.reproduction.stored import Stored
 
 CHAINS = f"{len(water_chains.CHAINS)} chains"
@@ -84,7 +84,7 @@ def strict(runs: Mapping[str, Stored]) -> str:
 def _success(of: Mapping[str, Any], tasks: Sequence[str]) -> str:
     """Over seeds and tasks; of a single task over seeds."""
     if len(tasks) == 1:
-        return by_spread(of[tasks[0]][SAMPLED]["success_rate"], "success_rate").text()
+        return over_seeds(of[tasks[0]][SAMPLED]["success_rate"], "success_rate").text()
     return over_tasks(of, tasks, SAMPLED, "success_rate").text()
 
 
