@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.paper import published_water
-from experiments.reproduction import below
+from experiments.reproduction import below, beside
 from experiments.reproduction.sections import benchmark
 from tests.made_up_runs import NEAR, outcome, rows
 
@@ -39,6 +39,23 @@ def test_the_run_in_the_published_form_says_what_it_has_and_what_still_differs(m
     assert "still differs from the published program" in " ".join(text.split())
     without = " ".join(benchmark.single_note({usual: runs[usual]}).split())
     assert "but for the slow run, which has the published one" in without and form not in without
+
+
+def test_of_a_run_that_was_cut_nothing_is_said_of_its_end(make):
+    form, usual = "rm-single-crm-published", "rm-single-crm"
+    cut, whole = make(form, episodes=100.0, frames=100_000), make(usual, episodes=100.0, frames=200_000)
+    text = benchmark.rewarded({form: cut, usual: whole})
+    assert rows(text)[form][-1] == "-" != rows(text)[usual][-1]
+    assert f"\n{usual}: " in text and f"\n{form}: " not in text
+
+
+def test_the_run_that_was_cut_says_where(request):
+    results = request.config.rootpath / "results"
+    text = beside.published_form(results)
+    said = " ".join(text.split())
+    assert "lost after 1,382,000 of 2,000,000 steps" in said and "nothing was evaluated" in said
+    assert rows(text)["rm-single-crm-published"][-1] == "-"
+    assert "rm-single-crm-published - " not in said  # means over trainings of different length do not compare
 
 
 def test_return_of_recent_episodes(make):
@@ -95,7 +112,7 @@ def test_the_authors_narrow_network_is_a_lead_for_the_single_task(make):
     single = {"rm-single-crm": make("rm-single-crm")}
     without = " ".join(benchmark.lead({}, single).split())
     assert "score of 0.644 where their 1,024 end at 0.736, so that width alone costs 0.092 there." in without
-    assert without.endswith("no such run is published.") and benchmark.lead({}, {}) == ""
+    assert "no such run is published. How far our run" in without and benchmark.lead({}, {}) == ""
     columns |= {f"score_{k + 1}": 0.9 for k in range(10)}
     ten = {"rm-crm": make("rm-crm", seeds=(1, 2), frames=200_000, **columns)}
     assert "ours is as narrow and ends at 0.900" in " ".join(benchmark.lead(ten, single).split())

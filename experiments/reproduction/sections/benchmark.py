@@ -83,7 +83,8 @@ difference, where there is one, is open."""
 LEAD = """A lead on why crm's single task is behind, and no explanation: the authors trained crm with three layers of
 512 too (crm1, one repeat), the width of ours. At their learning rate it ends the ten tasks at a score of {narrow:.3f}
 where their 1,024 end at {wide:.3f}, so that width alone costs {cost:.3f} there. Of the single task no such run is
-published.{ours}"""
+published.{ours} How far our run in the published form was trained, and what it came to by then, stands
+[below](#crms-single-task-in-the-published-form-to-two-thirds-of-its-steps)."""
 
 AS_WIDE = " On the ten tasks ours is as narrow and ends at {:.3f}, with another head and another learning rate."
 
@@ -326,8 +327,9 @@ def rewarded(runs: Mapping[str, Stored]) -> str:
         for name, of in shares.items()
     }
     unknown = [name for name in runs if name not in known]
-    by_map = [f"{name}: {', '.join(f'{share:.2f}' for share in of[:, -1])}." for name, of in shares.items()]
     parts = [table(["episodes that pay 1", *_thousands(marks)], rows), below.listed(found, "after {} steps")]
+    ended = {name: of[:, -1] for name, of in shares.items() if np.isfinite(of[:, -1]).all()}
+    by_map = [f"{name}: {', '.join(f'{share:.2f}' for share in last)}." for name, last in ended.items()]
     parts += ["\n".join(["By map, after the last of these steps:", *by_map])] if by_map else []
     return "\n\n".join(part for part in (*parts, UNKNOWN.format(", ".join(unknown)) if unknown else "") if part)
 
