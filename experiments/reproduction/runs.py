@@ -1,6 +1,9 @@
 """The trainings that the items share, by name. Names begin with the world and end with what is special."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 from experiments import configs  # noqa: F401, registers the configurations
@@ -91,8 +94,9 @@ MAPS = "1,2,3,4,5,6,7,8,9,10"
 """The maps of the reward-machine benchmark, which its seeds are."""
 
 
-def all_runs() -> dict[str, Run]:
-    """Every run of the reproduction."""
+@cache
+def all_runs() -> Mapping[str, Run]:
+    """Every run of the reproduction; made once, since environments are built to see what the runs may pre-train on."""
     runs: dict[str, Run] = {
         one.NAME: Run(None, evaluated=False, measure=one.measure) for one in (representations, chance)
     }
@@ -104,7 +108,7 @@ def all_runs() -> dict[str, Run]:
             for name, run in part(runs).items():
                 assert name not in runs, name
                 runs[name] = replace(run, first_seed=run.first_seed or first_seed)
-    return runs | _own_rates(runs) | any_runs()
+    return MappingProxyType(runs | _own_rates(runs) | any_runs())
 
 
 def _zone_base(frames: int = ZONE_FRAMES) -> Config:

@@ -103,7 +103,7 @@ def test_what_the_search_found_is_what_is_stored():
 
 def test_a_method_with_a_rate_of_its_own_is_trained_with_it_as_its_main_run_was(found):
     found({"zone": {"gnn": "high"}, "water": {"rm-6": "low"}})
-    planned = all_runs()
+    planned = all_runs.__wrapped__()
     for name, rate in (("zone-gnn", 9e-4), ("water-rm-6", 1.33e-4)):
         main, own = planned[name], planned[f"{name}-own-rate"]
         assert fields(main.config, own.config) == {"learner.learning_rate"}
@@ -167,7 +167,7 @@ def test_the_claims_are_judged_again_with_each_method_at_its_best(tmp_path, foun
     """gnn is below dfa_number at the shared rate and above it at its own."""
     found({"zone": {"gnn": "high"}})
     returns = {"zone-t2tl": 0.8, "zone-gnn": 0.4, "zone-gnn-own-rate": 0.7, "zone-dfa_number": 0.5}
-    planned = all_runs()
+    planned = all_runs.__wrapped__()
     there = {
         name: write(tmp_path / name, planned[name].config, discounted_return=value + NEAR)
         for name, value in returns.items()
