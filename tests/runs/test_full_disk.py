@@ -37,39 +37,34 @@ def can_mount() -> bool:
         return False
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def run_on():
-    """Run on a disk of a size, make room, resume: (size, folder) -> exit code, first output, metrics at the end."""
+    """Run on a disk of a size, make room, resume: (size, folder) -> exit code, both outputs, metrics at the end."""
     if not can_mount():
         pytest.skip("needs a file system of its own, which this system does not grant")
 
-    def done(size: str, folder: Path) -> tuple[int, str, str]:
-        place = folder / "disk"
+    def done(size: str, folder: Path) -> tuple[int, str, str, str]:
+        place = folder / f"disk_{size}"
         place.mkdir()
         flags = " ".join(RUN.split())
         script = SCRIPT.format(size=size, place=place, root=ROOT, python=sys.executable, flags=flags)
         ended = subprocess.run(["unshare", "-rm", "bash", "-c", script], capture_output=True, text=True, timeout=300)
-        files = (folder / "disk.first", folder / "disk.second")
-        first, second = (file.read_text() if file.exists() else "" for file in files)
-        assert ended.returncode == 0, f"{ended.stderr}\n{first}\n{second}"
-        return int((folder / "disk.code").read_text()), first, (folder / "disk.csv").read_text()
+        files = {what: folder / f"{place.name}.{what}" for what in ("code", "first", "second", "csv")}
+        said = {what: file.read_text() if file.exists() else "" for what, file in files.items()}
+        assert ended.returncode == 0, f"{ended.stderr}\n{said['first']}\n{said['second']}"
+        return int(said["code"]), said["first"], said["second"], said["csv"]
 
     return done
 
 
-@pytest.fixture(scope="module")
-def whole(run_on, tmp_path_factory):
-    """Where there is room for all of it."""
-    code, said, metrics = run_on("100m", tmp_path_factory.mktemp("whole"))
-    assert code == 0, said
-    return metrics
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("size", ["20k", "1500k"])
-def test_a_full_disk_is_told_and_the_run_goes_on_as_if_nothing_had_been(run_on, whole, tmp_path, size):
-    """At the first files or, beside the training, at a checkpoint, unless a row of the metrics comes upon it first."""
-    code, said, metrics = run_on(size, tmp_path)
-    assert code == 2 and "cannot write" in said and "No space left" in said and "resume the run" in said, said[-2000:]
-    assert "Traceback" not in said and "Event loop" not in said
-    assert metrics == whole
+def test_a_full_disk_is_told_and_the_run_goes_on_as_if_nothing_had_been(run_on, tmp_path):
+    """At the first files, before there is a checkpoint, so that the run begins again and is the uninterrupted one; and
+    beside the training at a checkpoint, unless a row of the metrics comes upon the full disk first."""
+    found = {size: run_on(size, tmp_path) for size in ("20k", "1500k")}
+    for code, said, _, _ in found.values():
+        assert code == 2 and "cannot write" in said and "No space left" in said, said[-2000:]
+        assert "resume the run" in said and "Traceback" not in said and "Event loop" not in said
+    (_, _, again, whole), (_, _, on, resumed) = found["20k"], found["1500k"]
+    assert "resuming after" not in again and "resuming after iteration" in on
+    assert resumed == whole and len(whole.splitlines()) == 1 + 2 * 8
