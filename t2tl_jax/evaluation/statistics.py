@@ -41,6 +41,7 @@ class Estimate:
 
 
 MORE_DIGITS = 8
+"""Digits of a narrow interval at most."""
 
 
 def _fixed(value: float, digits: int) -> str:
