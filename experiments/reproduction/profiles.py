@@ -20,7 +20,7 @@ SEEN = 0.005
 STEPS = {
     "segments": "T2TL: windows in segments of eight steps instead of one by one (an iteration, closed form)",
     "next_values": "T1TL: V(s') from the next step's V(s), not computed for every step (an iteration, closed form)",
-    "next_state": "DQN: no gradient through s' (a gradient step of T1TL)",
+    "next_state": "DQN: no gradient through s' (a gradient step of T1TL; predicted by the compiler's count)",
     "guard": "no gain but a price: with seeds frozen that are not finite, against without (an iteration, closed form)",
 }
 """What the steps of `experiments.benchmarks.gains` are."""

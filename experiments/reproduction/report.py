@@ -163,6 +163,6 @@ def caption(runs: Mapping[str, Stored]) -> str:
         tuned on ({in_words(t2tl.seeds)}), {t2tl.config.frames / 1e6:g} million frames each
         {f"after {before / 1e6:.2g} million of pre-training on the formula" if before else "without pre-training"}:
         success in training rises above 95 % and stays there in {reached[0]} of {len(t2tl.seeds)} seeds of T2TL and
-        {reached[1]} of {len(t1tl.seeds)} of T1TL, and T2TL [ends](results/{beside.SHORT}) at a discounted return of
-        {text(t2tl.end("discounted_return"))} (published, read off a picture: {then:.2f} at
-        {t2tl.config.frames / 1e6:g} million frames, {returns[-1]:.2f} at {frames[-1] / 1e6:g}).*""")
+        {reached[1]} of {len(t1tl.seeds)} of T1TL. They [end](results/{beside.SHORT}) at a discounted return of
+        {text(t2tl.end("discounted_return"))} and {text(t1tl.end("discounted_return"))} (published of T2TL, off a
+        picture: {then:.2f}, and {returns[-1]:.2f} at {frames[-1] / 1e6:g} million).*""")

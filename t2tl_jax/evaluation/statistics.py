@@ -44,6 +44,10 @@ MORE_DIGITS = 8
 """Digits of a narrow interval at most."""
 
 
+ROUNDING = 1e-12
+"""What values that are equal may differ by, of their size."""
+
+
 def _fixed(value: float, digits: int) -> str:
     return f"{round(value, digits) + 0.0:.{digits}f}"  # no minus before a zero
 
@@ -146,7 +150,7 @@ def two_way_mean(values: np.ndarray, lowest: float = float("-inf"), highest: flo
         highest: largest possible value.
 
     Returns:
-        Without an interval where there are fewer than two seeds or two formulas, or all values are equal.
+        Without an interval where there are fewer than two seeds or two formulas, or neither differ on the average.
     """
     values = np.asarray(values, np.float64)
     known = np.isfinite(values)
@@ -155,12 +159,14 @@ def two_way_mean(values: np.ndarray, lowest: float = float("-inf"), highest: flo
         return Estimate(None, None, None, 0)
     centre = float(values[known].mean())
     levels = [int(known.any(axis=1 - axis).sum()) for axis in (0, 1)]
-    if min(levels) < 2 or np.ptp(values[known]) == 0:
+    if min(levels) < 2:
         return Estimate(centre, None, None, count)
     rest = np.where(known, values - centre, 0.0)
     clusters = (rest.sum(axis=1 - axis) for axis in (0, 1))
     variance = sum(n / (n - 1) * float((sums**2).sum()) / count**2 for n, sums in zip(levels, clusters, strict=True))
     half = float(stats.t.ppf(0.5 + CONFIDENCE / 2, min(levels) - 1) * np.sqrt(variance))
+    if half <= ROUNDING * abs(centre):
+        return Estimate(centre, None, None, count)
     return Estimate(centre, max(centre - half, lowest), min(centre + half, highest), count)
 
 

@@ -46,8 +46,8 @@ class ContextConfig:
     they need True, and go into the tokens by themselves, without the layers of the environment encoder."""
     segment_length: int = 8
     """PPO draws its minibatches in pieces of so many successive steps, which share the work on their windows or their
-    carried state; must divide unroll_length. 1 draws every step by itself, as the published code does, and is several
-    times slower."""
+    carried state; must divide unroll_length. 1 draws every step by itself, as the published code does, and takes
+    longer."""
 
     def __post_init__(self) -> None:
         if self.length < 1:

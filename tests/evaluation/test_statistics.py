@@ -48,6 +48,11 @@ def test_no_interval_has_zero_width():
     sure = mean_rate([1.0] * 12)
     assert sure.value == sure.high == 1.0 and sure.low == pytest.approx(rate(12, 12).low) and sure.low < 0.8
     assert mean_rate([0.5] * 12).low < 0.3 and mean_rate([0.7]).low is None
+    assert interquartile_mean([0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0]).low is None
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        mean_rate([0.5, 1.2])
+    for values in ([[0.0, 1.0], [1.0, 0.0]], [[0.3, 0.3], [0.3, 0.1 + 0.2]]):
+        assert two_way_mean(np.array(values)).low is None  # means of seeds and of formulas that are all equal
 
 
 def test_no_interval_looks_empty():
@@ -55,9 +60,6 @@ def test_no_interval_looks_empty():
     assert mean([1.0, 0.9998, 1.0], highest=1.0).text() == "0.9999 [0.9996, 1.0000]"
     assert mean([-0.0001, 0.0002, -0.0003]).text() == "0.000 [-0.001, 0.001]"  # no minus before a zero
     assert mean([1.0, 1.0 + 1e-12]).text() == "1.00000000 [1.00000000, 1.00000000]"  # some end there has to be
-    assert interquartile_mean([0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0]).low is None
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        mean_rate([0.5, 1.2])
 
 
 def test_rates_of_seeds_that_fail_or_not_are_covered():

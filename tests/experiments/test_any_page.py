@@ -14,10 +14,10 @@ from experiments.reproduction.anytask import met, picture, suites, terms, tested
 from experiments.reproduction.changed import changed
 from experiments.reproduction.plan import Run
 from experiments.reproduction.runs import all_runs
-from experiments.reproduction.sections import anyaims, anycertified, anymemory, anytask
+from experiments.reproduction.sections import anyaims, anycertified, anyfigures, anymemory, anytask
 from experiments.reproduction.sections.anyaims import Bar
 from experiments.reproduction.sections.figures import found_or_not
-from t2tl_jax.evaluation.statistics import exact_rate
+from t2tl_jax.evaluation.statistics import exact_rate, rate
 from t2tl_jax.ltl import resolve_tasks
 from t2tl_jax.networks.lookahead import LookaheadConfig
 from t2tl_jax.networks.state_encoders import FlatConfig
@@ -38,7 +38,7 @@ def test_the_page_shows_every_formula_beside_the_figures_of_others(zones):
         *("0.989, 223, return 0.646", "0.931, 226.5", "0.925, 355.7", "0.868, 347.3", "0.614, 334", "-")
     ]
     assert "GenZ-LTL (not published: played by this project, not stored)" in rows["task"][-6]
-    assert rows["**z1 to z6**"][2].startswith("0.988 [") and rows["**z1 to z6**"][3:5] == ["-", "0.900"]
+    assert rows["**z1 to z6**"][2].startswith("0.988 [") and rows["**z1 to z6**"][3:5] == ["[0.802, 1.000]", "0.900"]
     asked = {name: row for name, row in rows.items() if row[-1] in ("reached", "**not reached**")}
     assert asked["success, worst seed and formula of z1 to z6"] == ["at least 0.97", "0.900 (z6)", "**not reached**"]
     assert asked["steps, mean of z1 to z6"][-1] == "reached" and len(asked) == 5  # of the rest nothing was played
@@ -246,3 +246,24 @@ def test_the_script_beside_the_agent_of_waterworld_is_as_it_was_measured():
         published.SCRIPT_WATER.success,
         published.SCRIPT_WATER.steps,
     )
+
+
+def test_a_cell_of_rates_over_formulas_is_no_surer_than_of_one(tmp_path):
+    """Wilson's over seeds at least; of other figures Student's t alone."""
+
+    def of(*rates):
+        return {f"f{k}": {anyfigures.SAMPLED: {"success_rate": np.array(column), "success_length": np.array(column)}}
+                for k, column in enumerate(rates)}  # fmt: skip
+
+    same, near, far = of([1.0] * 3, [1.0] * 3), of([1.0] * 3, [1.0, 1.0, 0.99]), of([1.0, 0.0, 1.0], [0.0, 1.0, 0.5])
+    least = rate(3, 3).low
+    for one in (same, near):
+        found = anyfigures.over_tasks(one, [*one], anyfigures.SAMPLED, "success_rate")
+        assert found.low == pytest.approx(least, abs=0.01) and found.high == 1.0
+    found = anyfigures.over_tasks(far, [*far], anyfigures.SAMPLED, "success_rate")
+    by_t = anyfigures.by_tasks(far, [*far], anyfigures.SAMPLED, "success_rate")
+    assert found.low <= by_t.low and found.high >= by_t.high
+    steps = [
+        how(near, [*near], anyfigures.SAMPLED, "success_length") for how in (anyfigures.over_tasks, anyfigures.by_tasks)
+    ]
+    assert steps[0] == steps[1]

@@ -45,11 +45,11 @@ TERMS = f"""\
   each seed and policy: 500 over all formulas of `Until_1_2_1_1`, 500 over those of an agent's own family, and 10 for
   each of 50 formulas with a map of its own. For these there are no results by formula.
 - **Brackets**: 95 % intervals over seeds (of rates, Wilson's with one trial a seed). Of several formulas: over seeds
-  and formulas, both as samples, by Student's t; of rates that are all equal, Wilson's as before. A cell whose interval
-  would look empty has more digits.
-- **Student's t**: a second interval for a mean rate over seeds, by how far these lie apart; a dash where all are equal.
-  Wilson's is wide, even [0.7, 1.0] for ten seeds that never fail, since it allows for seeds that fail altogether, which
-  ten may miss by chance.
+  and formulas, both as samples, by Student's t, which for a rate is widened to Wilson's over seeds. A cell whose
+  interval would look empty has more digits.
+- **Student's t**, in the tables of aims and in columns of that name: a second interval for a mean rate over seeds, by
+  how far these lie apart; a dash where all are equal. Wilson's is wide, even [0.7, 1.0] for ten seeds that never fail,
+  since it allows for seeds that fail altogether, which ten may miss by chance.
 - **Aims** are judged by the mean itself. Where its interval by Student's t includes the bar, or a certificate lies
   below it, the verdict says so. An aim that names the worst formula is judged by the mean over seeds of that formula.
   One that names the worst seed and formula is judged by this single figure.

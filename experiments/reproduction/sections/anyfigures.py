@@ -1,6 +1,7 @@
 """What agents for any task did on their tests, by seed, and its means; other sections show it."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,16 +63,20 @@ def interval(estimate: Estimate, digits: int = 3) -> str:
 
 
 def by_tasks(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> Estimate:
-    """The mean over seeds and tasks, both of them samples; without an interval where all are equal."""
+    """The mean over seeds and tasks, both of them samples, with Student's t interval."""
     return two_way_mean(_stacked(of, tasks, policy, figure), *RANGES.get(figure, (0.0, 1.0)))
 
 
 def over_tasks(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> Estimate:
-    """The same for a cell: of rates that are all equal with the interval of `over_seeds`."""
-    estimate, values = by_tasks(of, tasks, policy, figure), _stacked(of, tasks, policy, figure)
-    if estimate.low is None and figure not in RANGES and np.isfinite(values).all():
-        return over_seeds(values.mean(axis=1), figure)
-    return estimate
+    """The same for a cell, whose interval of a rate is Wilson's over seeds at least, as in cells of a single task."""
+    estimate = by_tasks(of, tasks, policy, figure)
+    known = np.ma.masked_invalid(_stacked(of, tasks, policy, figure)).mean(axis=1).compressed()
+    if figure in RANGES or not known.size:
+        return estimate
+    seeds = over_seeds(known, figure)
+    if estimate.low is None or estimate.high is None or seeds.low is None or seeds.high is None:
+        return replace(estimate, low=seeds.low, high=seeds.high)
+    return replace(estimate, low=min(estimate.low, seeds.low), high=max(estimate.high, seeds.high))
 
 
 def _stacked(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> np.ndarray:

@@ -18,6 +18,7 @@ from experiments.reproduction.sections.anyfigures import (
     OWN,
     SAMPLED,
     by_spread,
+    by_tasks,
     figures,
     interval,
     over_seeds,
@@ -187,7 +188,7 @@ def _mean_cells(of: Mapping[str, Any], tasks: Sequence[str]) -> list[str]:
 
     return [
         of_all("success_rate").text(),
-        "-",  # the interval beside it is of this kind
+        interval(by_tasks(of, tasks, SAMPLED, "success_rate")),
         worst(SAMPLED),
         *(f"{of_all(name).value:.3f}" for name in ("violation_rate", "env_termination_rate", "timeout_rate")),
         of_all("success_length").text(0),

@@ -83,8 +83,8 @@ difference, where there is one, is open."""
 LEAD = """A lead on why crm's single task is behind, and no explanation: the authors trained crm with three layers of
 512 too (crm1, one repeat), the width of ours. At their learning rate it ends the ten tasks at a score of {narrow:.3f}
 where their 1,024 end at {wide:.3f}, so that width alone costs {cost:.3f} there. Of the single task no such run is
-published.{ours} How far our run in the published form was trained, and what it came to by then, stands
-[below](#crms-single-task-in-the-published-form-to-two-thirds-of-its-steps)."""
+published.{ours} Our run in the published form, as far as it went, [speaks against
+it](#crms-single-task-in-the-published-form-to-two-thirds-of-its-steps)."""
 
 AS_WIDE = " On the ten tasks ours is as narrow and ends at {:.3f}, with another head and another learning rate."
 
@@ -301,9 +301,7 @@ def scored(runs: Mapping[str, Stored]) -> str:
     for name, run in runs.items():
         if "total_reward" not in run.metrics or not {*run.seeds} <= {*best}:
             continue
-        discount = run.config.learner.discount
-        each = score_bounds.bounds(run.metrics, [best[seed] for seed in run.seeds], discount)
-        least, greatest = (recent(run, marks, of) for of in each)
+        least, greatest = (recent(run, marks, of) for of in _score_bounds(run))
         rows.append((name, *(score_bounds.cell(*at) for at in zip(least.T, greatest.T, strict=True))))
         means, _ = published_water.SINGLE_SCORES[SINGLE_KINDS[name]]
         found[name] = below.marks(greatest, marks, means)
@@ -313,6 +311,16 @@ def scored(runs: Mapping[str, Stored]) -> str:
     heading = ["single task: normalised score", *_thousands(marks)]
     listed = below.listed(found, "after {} steps")
     return "\n\n".join(part for part in (SCORE_NOTE, table(heading, rows), listed) if part)
+
+
+def _score_bounds(run: Stored) -> tuple[np.ndarray, np.ndarray]:
+    best: Any = published_water.SINGLE_BEST_STEPS
+    return score_bounds.bounds(run.metrics, [best[seed] for seed in run.seeds], run.config.learner.discount)
+
+
+def greatest_scores(run: Stored) -> np.ndarray:
+    """The greatest score at the published steps that the stored means allow: float[maps, steps], NaN after the end."""
+    return recent(run, published_water.STEPS, _score_bounds(run)[1])
 
 
 def rewarded(runs: Mapping[str, Stored]) -> str:
