@@ -10,28 +10,18 @@ import numpy as np
 from experiments import tuning
 from experiments.benchmarks.plans import table as plan_table
 from experiments.methods import apply
-from experiments.paper import published_water
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import stored
 from experiments.reproduction.anytask import met
 from experiments.reproduction.cells import solved, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.measures import frames_to
-from experiments.reproduction.page import fitting, made_by, origin, paragraph, table
-from experiments.reproduction.sections.benchmark import (
-    FORM,
-    FORM_NOTE,
-    SLOW,
-    benchmark,
-    greatest_scores,
-    recent,
-    rewarded,
-    scored,
-    settings,
-)
+from experiments.reproduction.page import made_by, origin, paragraph, table
+from experiments.reproduction.sections.benchmark import benchmark
+from experiments.reproduction.sections.published_form import published_form
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import curves_by_frames, methods
-from t2tl_jax.evaluation.statistics import SOLVED
+from t2tl_jax.evaluation.statistics import SOLVED, brackets
 from t2tl_jax.registry import named_config
 from t2tl_jax.runs.differences import differences as changes
 from t2tl_jax.runs.folder import read_json
@@ -91,21 +81,28 @@ def short_schedule(results: Path) -> str:
     fresh = {name: runs[name] for name in FRESH}
     published = {name: ZONE_CURVES[f"{name.upper()}_pre (published)"] for name in FRESH}
     curves = curves_by_frames(fresh, {name: name for name in FRESH}, SHORT_MARKS, published)
-    lost = paragraph(" ".join(map(_lost, FRESH, fresh.values())))
+    lost = paragraph(" ".join(map(_lost, runs, runs.values())))
     parts = (paragraph(note), table(heading, rows), lost, curves, made_by(list(runs.values())))
     return "\n\n".join(part for part in parts if part)
 
 
 def _lost(name: str, run: Stored) -> str:
-    """Which seeds did not stay above 95 %, and what their final parameters come to; '' if all did."""
-    rates, stay = run.by_seed("success_rate"), frames_to(run)
-    away = [seed for seed, frames in stay.items() if not np.isfinite(frames)]
-    highest = dict(zip(run.seeds, np.nanmax(run.metrics["success_rate"], axis=1), strict=True))
-    return " ".join(
-        f"Seed {seed} of `{name}` does not stay there: its success in training was {highest[seed]:.2f} at its highest, "
-        f"and is {rates[seed]:.2f} in the final evaluation (sampled)."
-        for seed in away
-    )
+    """Which seeds rose above 95 % and did not stay there, and what their final parameters come to; '' if all stayed."""
+    found = []
+    for seed, frames in frames_to(run).items():
+        of_seed = run.columns["seed"] == seed
+        over = run.columns["success_rate"][of_seed] > SOLVED
+        if np.isfinite(frames) or over[-1] or not over.any():
+            continue
+        last_frames = run.columns["frames"][of_seed][over][-1]
+        told = f"Seed {seed} of `{name}` does not stay there: it is above 95 % for the last time after "
+        rate = run.by_seed("success_rate").get(seed)
+        steps = run.by_seed("success_length", policy="deterministic").get(seed)
+        told += f"{last_frames / 1e6:.2f} M frames"
+        told += f", and in the final evaluation {rate:.2f} of its sampled episodes succeed" if rate is not None else ""
+        told += f"; its deterministic episode succeeds after {steps:.0f} steps" if steps is not None else ""
+        found.append(f"{told}.")
+    return " ".join(found)
 
 
 def _short_row(run: Stored) -> list[str]:
@@ -166,9 +163,9 @@ def corrections(results: Path) -> str:
         differ in length, so that a bag of tokens tells them apart, and one fixed map needs no memory. They are
         corrections because the code then does what the paper says. `t2_aligned`, the one that differs from
         its base by more than chance, learns *faster*. It differs in a second thing: steps that read windows of others
-        share nothing, so each is drawn by itself, as published, instead of in segments of eight. Version 0.1 had no
-        segments, and there, on other seeds, the difference was near 0, which points to the segments as what costs
-        learning. The aligned form without segments was not measured on these seeds."""
+        share nothing, so each is drawn by itself, as published, instead of in segments of eight. Which of the two makes
+        the difference, or whether both do, is open: aligned windows without segments were not measured on these
+        seeds."""
     return "\n\n".join((paragraph(note), table(heading, rows), compared, made_by(list(runs.values()))))
 
 
@@ -184,38 +181,6 @@ def parallel(results: Path) -> str:
     return "\n\n".join((paragraph(note), benchmark(runs), made_by([run])))
 
 
-def published_form(results: Path) -> str:
-    """The published form of crm's single task as far as it was trained, beside the two runs that it is to explain."""
-    cut = Stored(results / "water_h200" / "rm_single_crm_published_cut")
-    others = {name: Stored(results / "paper" / name) for name in ("rm-single-crm", f"rm-single-crm{SLOW}")}
-    runs = {f"rm-single-crm{FORM}": cut, **others}
-    reached, asked = int(cut.columns["frames"].max()), cut.config.frames
-    note = f"""
-        This run is missing from the tables of the benchmark, since it did not end: its machine was lost after
-        {reached:,} of {asked:,} steps on each map. So nothing is known of its end, and nothing was evaluated. A dash
-        stands where it had not come."""
-    parts = (paragraph(note), scored(runs), rewarded(runs), _last_known(cut), paragraph(FORM_NOTE), settings(runs))
-    return "\n\n".join(
-        (*map(fitting, parts[:3]), paragraph(parts[3]), *map(fitting, parts[4:]), made_by(list(runs.values())))
-    )
-
-
-def _last_known(cut: Stored) -> str:
-    """Score and paid episodes at the last published step that the run reached, against the published ones."""
-    published, _ = published_water.SINGLE_SCORES["crm"]
-    scores = greatest_scores(cut)
-    k = int(np.flatnonzero(np.isfinite(scores).all(axis=0))[-1])
-    marks = published_water.SINGLE_STEPS
-    paid = recent(cut, marks, "total_reward")
-    at = int(np.flatnonzero(np.isfinite(paid).all(axis=0))[-1])
-    share = published_water.SINGLE_REWARDED["crm"][at]
-    return f"""
-        With the published network, learning rate and clipping its score is {scores[:, k].mean():.2f} at most after
-        {published_water.STEPS[k]:,} steps, where the published mean is {published[k]:.2f}. After {marks[at]:,} steps
-        {paid[:, at].mean():.3f} of its episodes pay, published {share:.3f}. So as far as it goes, the width of the
-        network is not what is missing: its episodes pay as often, and take longer."""
-
-
 QUANTITIES = (("position_mm", "mm", 2), ("velocity_m_s", "m/s", 3), ("turning_rad_s", "rad/s", 2))
 """What is compared at the walls, its unit, and the digits that are shown."""
 
@@ -228,7 +193,7 @@ def walls(results: Path) -> str:
         (
             row["physics"],
             *(f"{row[name]['median']:.{d}f} / {row[name]['p95']:.{d}f} {unit}" for name, unit, d in QUANTITIES),
-            ", ".join(_interval(row[name]["median_interval"], d) for name, _, d in QUANTITIES),
+            ", ".join(_ends(row[name]["median_interval"], d) for name, _, d in QUANTITIES),
         )
         for row in touched
     ]
@@ -274,8 +239,9 @@ def _met_of_plans(results: Path, measured: Mapping[str, Any]) -> str:
     return paragraph(f"Open rows that training met, and up to names: {'; '.join(known)}.{others}")
 
 
-def _interval(ends: list[float], digits: int) -> str:
-    return f"[{ends[0]:.{digits}f}, {ends[1]:.{digits}f}]"
+def _ends(interval: list[float], digits: int) -> str:
+    low, high = interval
+    return brackets(low, high, digits)
 
 
 def safe_before(results: Path) -> str:

@@ -15,15 +15,20 @@ COST = ("frames (+ pre-training)", "training, all seeds (+ pre-training)", "comp
 
 def text(values: Mapping[int, float] | Sequence[float], digits: int = 3) -> str:
     """Mean and interval over seeds, for a cell, and of how many if not of all; a dash where there is nothing."""
-    data = list(values.values()) if isinstance(values, Mapping) else list(values)
-    known = [value for value in data if np.isfinite(value)]
-    fewer = f" ({len(known)} of {len(data)})" if 0 < len(known) < len(data) else ""
+    known, fewer = _known(list(values.values()) if isinstance(values, Mapping) else list(values))
     return statistics.mean(known).text(digits) + fewer
 
 
 def share(rates: Mapping[int, float]) -> str:
-    """Mean of rates over seeds, with an interval that stays within 0 and 1 and is never of zero width."""
-    return statistics.mean_rate([value for value in rates.values() if np.isfinite(value)]).text()
+    """The same of rates, with an interval that stays within 0 and 1 and is never of zero width."""
+    known, fewer = _known(list(rates.values()))
+    return statistics.mean_rate(known).text() + fewer
+
+
+def _known(data: list[float]) -> tuple[list[float], str]:
+    """Those that are known, and of how many, if not of all."""
+    known = [value for value in data if np.isfinite(value)]
+    return known, f" ({len(known)} of {len(data)})" if 0 < len(known) < len(data) else ""
 
 
 def solved(run: Stored, policy: str = "sampled") -> str:

@@ -12,9 +12,8 @@ from experiments.paper import step_tables
 from experiments.reproduction import chance, rates, representations
 from experiments.reproduction.anytask.runs import ANY_AGENTS, any_runs
 from experiments.reproduction.plan import Run
-from t2tl_jax.networks.gru import GRUConfig
+from experiments.reproduction.variants import changed_learner, with_context, with_encoder, with_gru_reader, with_rate
 from t2tl_jax.networks.rgcn import RGCNConfig
-from t2tl_jax.networks.task_encoder import TaskEncoderConfig
 from t2tl_jax.networks.transformer import TransformerConfig
 from t2tl_jax.registry import ENVS, named_config
 from t2tl_jax.runs import pretraining
@@ -141,9 +140,9 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
     base = _zone_base()
     new: dict[str, Run] = {}
     for width in WIDTHS:
-        config = _with_encoder(apply(base, "t1tl"), output=width)
+        config = with_encoder(apply(base, "t1tl"), output=width)
         new[f"zone-t1tl-fresh-{width}"] = Run(replace(config, pretrained=""))
-    new["zone-dfa-32"] = Run(_with_encoder(apply(base, "dfa"), size=32))  # 1 and 16 are among the six methods
+    new["zone-dfa-32"] = Run(with_encoder(apply(base, "dfa"), size=32))  # 1 and 16 are among the six methods
     short = named_config("zone_ppo")
     for method in ("t2tl", "t1tl", "gnn"):
         for kind in ("none", "own", "random"):
@@ -162,9 +161,9 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
     new["prime-progression-paper"] = Run(dropping, _pretraining(new, "prime-progression-paper", dropping))
     new["prime-labels-state"] = Run(replace(prime, labels="state"), "prime-pretraining-transformer")
     published = named_config("zone_ppo_published")
-    without = _with_context(published, first_token="none")  # it was made before there was that token
+    without = with_context(published, first_token="none")  # it was made before there was that token
     new["zone-published"] = Run(without, _pretraining(new, "zone-published", without))
-    new["zone-gru-reader"] = Run(_with_gru_reader(short), "zone-pretraining-transformer")
+    new["zone-gru-reader"] = Run(with_gru_reader(short), "zone-pretraining-transformer")
     return new | published_pieces() | _published_more()
 
 
@@ -179,23 +178,23 @@ def published_pieces() -> dict[str, Run]:
 
     def of_network(name: str) -> Any:
         network = replace(base.learner.network, **{name: getattr(default.network, name)})
-        return _changed(base.learner, network=network)
+        return changed_learner(base.learner, network=network)
 
     learners = {
         "": base.learner,
-        "-correlated-noise": _changed(base.learner, noise_time=default.noise_time),
-        "-no-bonus": _changed(base.learner, entropy_coefficient=default.entropy_coefficient),
-        "-timeouts-no-end": _changed(base.learner, timeout_is_terminal=default.timeout_is_terminal),
-        "-normalised-advantages": _changed(base.learner, normalise_advantage=True),
-        "-512-environments": _changed(base.learner, num_envs=512, unroll_length=128),
+        "-correlated-noise": changed_learner(base.learner, noise_time=default.noise_time),
+        "-no-bonus": changed_learner(base.learner, entropy_coefficient=default.entropy_coefficient),
+        "-timeouts-no-end": changed_learner(base.learner, timeout_is_terminal=default.timeout_is_terminal),
+        "-normalised-advantages": changed_learner(base.learner, normalise_advantage=True),
+        "-512-environments": changed_learner(base.learner, num_envs=512, unroll_length=128),
         "-squashed-observations": of_network("observation"),
         "-critic-from-zero": of_network("value_scale"),
         "-corrected-reader": of_network("task_encoder"),
     }
     no_end = learners["-timeouts-no-end"]
     learners |= {
-        "-timeouts-correlated": _changed(no_end, noise_time=default.noise_time),
-        "-timeouts-normalised": _changed(no_end, normalise_advantage=True),
+        "-timeouts-correlated": changed_learner(no_end, noise_time=default.noise_time),
+        "-timeouts-normalised": changed_learner(no_end, normalise_advantage=True),
     }
     return {f"zone-published-t1tl{name}": Run(replace(base, learner=learner)) for name, learner in learners.items()}
 
@@ -240,7 +239,7 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
         new[f"water-paper-{method}"] = Run(config, _pretraining(runs, "water", config, "own", new))
     new["water-t1tl-labels-state"] = Run(replace(apply(base, "t1tl"), labels="state"), "water-pretraining-transformer")
     slow = replace(
-        apply(paper, "t1tl"), learner=_changed(apply(paper, "t1tl").learner, task_encoder_learning_rate=4e-5)
+        apply(paper, "t1tl"), learner=changed_learner(apply(paper, "t1tl").learner, task_encoder_learning_rate=4e-5)
     )
     new["water-paper-t1tl-slow"] = Run(slow, "water-pretraining-transformer")
 
@@ -248,31 +247,31 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
     for name, config, before in (("t1tl", t1tl, "water-pretraining-transformer"), ("rm", one_hot, None)):
         learner = config.learner
         if name == "t1tl":  # of the one-hot code this is dfa
-            own = replace(config, learner=_changed(learner, counterfactual=False))
+            own = replace(config, learner=changed_learner(learner, counterfactual=False))
             new["water-t1tl-own-row"] = Run(own, before)
         for variant, changed in (
-            ("printed-argmax", replace(config, learner=_changed(learner, printed_argmax=True))),
+            ("printed-argmax", replace(config, learner=changed_learner(learner, printed_argmax=True))),
             ("random-starts", replace(config, random_starts=0.5)),
-            ("per-16", replace(config, learner=_changed(learner, **PER_16))),
-            ("every-step", replace(config, learner=_changed(learner, **EVERY_STEP))),
-            ("short-exploration", replace(config, learner=_changed(learner, **SHORT_EXPLORATION))),
+            ("per-16", replace(config, learner=changed_learner(learner, **PER_16))),
+            ("every-step", replace(config, learner=changed_learner(learner, **EVERY_STEP))),
+            ("short-exploration", replace(config, learner=changed_learner(learner, **SHORT_EXPLORATION))),
         ):
             new[f"water-{name}-{variant}"] = Run(changed, before)
 
     for method in ("t2tl", "t1tl", "gnn"):  # the encoder learns in all of them
         config = apply(base, method)
         network = replace(config.learner.network, freeze_task_encoder=False)
-        config = replace(config, learner=_changed(config.learner, network=network))
+        config = replace(config, learner=changed_learner(config.learner, network=network))
         new[f"water-{method}-pre-none"] = Run(replace(config, pretrained=""))
         for kind in ("own", "random"):
             new[f"water-{method}-pre-{kind}"] = Run(config, _pretraining(runs, "water", config, kind, new))
 
     for width in (8, 16):  # 32 is the default
-        config = _with_encoder(t1tl, output=width)
+        config = with_encoder(t1tl, output=width)
         before = _pretraining(runs, f"water-{width}", config, "own", new)
         new[f"water-t1tl-{width}"] = Run(config, before)
     for width in (6, 32):  # 16 is the default
-        new[f"water-rm-{width}"] = Run(_with_encoder(one_hot, size=width))
+        new[f"water-rm-{width}"] = Run(with_encoder(one_hot, size=width))
     return new
 
 
@@ -304,7 +303,7 @@ def _benchmark(runs: dict[str, Run]) -> dict[str, Run]:
         new[f"rm-{kind}"] = Run(config, seeds=MAPS)
         new[f"rm-single-{kind}"] = Run(_single_task(config), seeds=MAPS)
     single = _single_task(named_config("rm_water_crm"))
-    slow = _changed(single.learner, learning_rate=PUBLISHED_RATE, anneal_learning_rate=False)
+    slow = changed_learner(single.learner, learning_rate=PUBLISHED_RATE, anneal_learning_rate=False)
     new["rm-single-crm-slow"] = Run(replace(single, learner=slow), seeds=MAPS)
     new["rm-single-crm-published"] = Run(_single_task(named_config("rm_water_crm_published")), seeds=MAPS)
     return new
@@ -312,7 +311,7 @@ def _benchmark(runs: dict[str, Run]) -> dict[str, Run]:
 
 def _single_task(config: Config) -> Config:
     """The benchmark's one task, the tenth, whose machine has three open states."""
-    return _with_encoder(replace(config, task="rm_t10_published"), size=3)
+    return with_encoder(replace(config, task="rm_t10_published"), size=3)
 
 
 def _zone_search(runs: dict[str, Run]) -> dict[str, Run]:
@@ -332,7 +331,7 @@ def _search(world: str, base: Config) -> dict[str, Run]:
         before = _pretraining(new, f"search-{world}", config)
         config = replace(config, selection=SelectionConfig(points=0))
         for which in rates.RATES:
-            new[rates.search_name(world, method, which)] = Run(_with_rate(config, which), before, evaluated=False)
+            new[rates.search_name(world, method, which)] = Run(with_rate(config, which), before, evaluated=False)
     return {name: replace(run, seeds=rates.SEEDS, search=True) for name, run in new.items()}
 
 
@@ -343,13 +342,8 @@ def _own_rates(runs: dict[str, Run]) -> dict[str, Run]:
         for method, which in methods.items():
             shared = runs[f"{world}-{method}"]
             assert shared.config is not None
-            new[rates.own_name(f"{world}-{method}")] = replace(shared, config=_with_rate(shared.config, which))
+            new[rates.own_name(f"{world}-{method}")] = replace(shared, config=with_rate(shared.config, which))
     return new
-
-
-def _with_rate(config: Config, which: str) -> Config:
-    learner: Any = config.learner
-    return replace(config, learner=_changed(learner, learning_rate=rates.scaled(learner.learning_rate, which)))
 
 
 def _pretraining(
@@ -379,26 +373,3 @@ def _alone(new: dict[str, Run], before: str) -> str:
     name = f"{before}-alone"
     new.setdefault(name, replace(new[before], seeds=ALONE, alone=True))
     return name
-
-
-def _with_encoder(config: Config, **changes: Any) -> Config:
-    """The configuration with other sizes of its task encoder."""
-    learner: Any = config.learner
-    encoder: TaskEncoderConfig = replace(learner.network.task_encoder, **changes)
-    return replace(config, learner=_changed(learner, network=replace(learner.network, task_encoder=encoder)))
-
-
-def _with_gru_reader(config: Config) -> Config:
-    """The configuration with a GRU instead of a Transformer over its context window."""
-    return _with_context(config, reader=GRUConfig(width=32))
-
-
-def _with_context(config: Config, **changes: Any) -> Config:
-    """The configuration with a context window that is another one in some fields."""
-    learner: Any = config.learner
-    context = replace(learner.network.context, **changes)
-    return replace(config, learner=_changed(learner, network=replace(learner.network, context=context)))
-
-
-def _changed(learner: Any, **changes: Any) -> Any:
-    return replace(learner, **changes)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from t2tl_jax.evaluation import statistics
-from t2tl_jax.evaluation.statistics import Estimate
+from t2tl_jax.evaluation.statistics import Estimate, brackets
 
 LIMIT = 600
 """Steps after which an episode ends unpaid."""
@@ -68,4 +68,4 @@ def cell(least: np.ndarray, greatest: np.ndarray) -> str:
     if low.value is None or high.value is None:
         return "-"
     between = f"{low.value:.2f} to {high.value:.2f}"
-    return between if low.low is None or high.high is None else f"{between} [{low.low:.2f}, {high.high:.2f}]"
+    return between if low.low is None or high.high is None else f"{between} {brackets(low.low, high.high, 2)}"

@@ -277,25 +277,25 @@ SHORT_TRAININGS = (
 def trainings(results: Path) -> list[tuple[str, str, str]]:
     """Frames/s of whole iterations on one device; a row of which something is not stored is left out.
 
-    A row is of one device and JAX; of each training the newest counts, as for the aims. A file of several devices never
-    does: its rows are those of `scaling`.
+    A row is of one device and JAX; of each training the newest counts, as for the aims, and of several devices the row
+    whose oldest figure is the newest. A file of several devices never does: its rows are those of `scaling`.
     """
-    found: dict[tuple[str, ...], dict[tuple[str, str], str]] = {}
-    for where, rows in in_time(results):
+    found: dict[tuple[str, ...], dict[tuple[str, str], tuple[int, str]]] = {}
+    for age, (where, rows) in enumerate(in_time(results)):
         if len(where["devices"]) == 1 and not where.get("git_modified"):
             setting = (where["devices"][0].replace("NVIDIA ", ""), where["packages"]["jax"])
             of_trainings = [row for row in rows if row.part == "training"]
-            rates = found.pop(setting, {})  # to the end, where the newest stand
-            found[setting] = rates | {(row.what, row.size): measured.three_digits(row.rate) for row in of_trainings}
+            rates = {(row.what, row.size): (age, measured.three_digits(row.rate)) for row in of_trainings}
+            found[setting] = found.get(setting, {}) | rates
     shown = []
     for title, names, size in SHORT_TRAININGS:
         whole = [
-            (hardware, [rates[name, size] for name in names])
+            (min(rates[name, size] for name in names)[0], hardware, [rates[name, size][1] for name in names])
             for (hardware, *_), rates in found.items()
             if all((name, size) in rates for name in names)
         ]
         if whole:
-            hardware, values = whole[-1]
+            _, hardware, values = max(whole)
             shown.append((title, hardware, f"{' / '.join(values)} frames/s"))
     return shown
 

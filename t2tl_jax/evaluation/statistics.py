@@ -35,9 +35,8 @@ class Estimate:
             return "-"
         if self.low is None or self.high is None:
             return _fixed(self.value, digits)
-        while self.low < self.high and round(self.low, digits) == round(self.high, digits) and digits < MORE_DIGITS:
-            digits += 1
-        return f"{_fixed(self.value, digits)} [{_fixed(self.low, digits)}, {_fixed(self.high, digits)}]"
+        digits = _digits_between(self.low, self.high, digits)
+        return f"{_fixed(self.value, digits)} {brackets(self.low, self.high, digits)}"
 
 
 MORE_DIGITS = 8
@@ -46,6 +45,19 @@ MORE_DIGITS = 8
 
 ROUNDING = 1e-12
 """What values that are equal may differ by, of their size."""
+
+
+def brackets(low: float, high: float, digits: int = 3) -> str:
+    """An interval for a table: ``[0.871, 0.942]``, with more digits where so few would show it as empty."""
+    digits = _digits_between(low, high, digits)
+    return f"[{_fixed(low, digits)}, {_fixed(high, digits)}]"
+
+
+def _digits_between(low: float, high: float, digits: int) -> int:
+    """As many digits as tell both ends apart."""
+    while low < high and _fixed(low, digits) == _fixed(high, digits) and digits < MORE_DIGITS:
+        digits += 1
+    return digits
 
 
 def _fixed(value: float, digits: int) -> str:
@@ -80,9 +92,11 @@ def mean(
     data = np.asarray(values, np.float64)
     if data.size == 0:
         return Estimate(None, None, None, 0)
-    if np.ptp(data) == 0:
+    if np.ptp(data) == 0:  # whose mean may differ from each by rounding
         return Estimate(float(data[0]), None, None, int(data.size))
     centre, half = float(data.mean()), float(_half_width(data))
+    if half <= ROUNDING * abs(centre):
+        return Estimate(centre, None, None, int(data.size))
     return Estimate(centre, max(centre - half, lowest), min(centre + half, highest), int(data.size))
 
 
@@ -150,7 +164,8 @@ def two_way_mean(values: np.ndarray, lowest: float = float("-inf"), highest: flo
         highest: largest possible value.
 
     Returns:
-        Without an interval where there are fewer than two seeds or two formulas, or neither differ on the average.
+        Without an interval where there are fewer than two seeds or two formulas, or where the means of seeds are all
+        equal and those of formulas too.
     """
     values = np.asarray(values, np.float64)
     known = np.isfinite(values)

@@ -65,9 +65,9 @@ class ContextEncoder(nn.Module):
         return self.read(self.token(slots), self.empty(slots), window.valid)
 
     def segment(self, segment: Segment, before: jax.Array, during: jax.Array, after: bool = False) -> jax.Array:
-        """The codes of a segment's S windows, or of those after each step: [..., S, output].
+        """The codes of the windows of a segment's S steps, or of those after each step: [..., S, output].
 
-        before [..., K, E] embeds what was seen in the slots of the first window, during [..., S, E] in the steps.
+        before [..., K, E] embeds what was seen in the K slots of the first window, during [..., S, E] in the steps.
         """
         start, axis, steps = segment.start, segment.reward.ndim - 1, segment.reward.shape[-1]
         action, reward, embedding = (

@@ -4,6 +4,7 @@ from scipy import stats
 
 from t2tl_jax.evaluation.statistics import (
     band,
+    brackets,
     exact_rate,
     interquartile_mean,
     mean,
@@ -59,7 +60,8 @@ def test_no_interval_looks_empty():
     assert mean([7.31, 7.33, 7.35]).text(0) == "7.3 [7.3, 7.4]" and mean([7.3, 8.3, 9.3]).text(0) == "8 [6, 11]"
     assert mean([1.0, 0.9998, 1.0], highest=1.0).text() == "0.9999 [0.9996, 1.0000]"
     assert mean([-0.0001, 0.0002, -0.0003]).text() == "0.000 [-0.001, 0.001]"  # no minus before a zero
-    assert mean([1.0, 1.0 + 1e-12]).text() == "1.00000000 [1.00000000, 1.00000000]"  # some end there has to be
+    assert mean([1.0, 1.0 + 1e-14]).text() == "1.000"  # equal but for rounding
+    assert brackets(0.9996, 1.0) == "[0.9996, 1.0000]" and brackets(-0.0001, 0.2) == "[0.000, 0.200]"
 
 
 def test_rates_of_seeds_that_fail_or_not_are_covered():

@@ -121,6 +121,13 @@ def test_the_readme_shows_trainings_that_are_stored_whole(tmp_path):
     measured.write(tmp_path / "benchmark_y.json", where, {}, rows[3:])
     ((title, hardware, figure),) = speed.trainings(tmp_path)
     assert "waterworld_dqn" in title and (hardware, figure) == ("H200", "1,300,000 / 263,000 frames/s")
+
+    measured.write(tmp_path / "benchmark_z.json", {**where, "devices": ["NVIDIA H100"], "time": "3"}, {}, rows)
+    assert speed.trainings(tmp_path)[0][1] == "H100"
+    measured.write(tmp_path / "benchmark_y.json", {**where, "time": "4"}, {}, rows[3:])
+    assert speed.trainings(tmp_path)[0][1] == "H100"  # one figure of the H200 is older than all of them
+    measured.write(tmp_path / "benchmark_x.json", {**where, "time": "5"}, {}, rows[:3])
+    assert speed.trainings(tmp_path)[0][1] == "H200"
     for line in speed.trainings(RESULTS):
         assert f"| {' | '.join(line)} |" in (ROOT / "README.md").read_text(encoding="utf-8")
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from experiments import run
+
 ROOT = Path(__file__).parents[2]
 
 RUN = """
@@ -59,12 +61,13 @@ def run_on():
 
 @pytest.mark.slow
 def test_a_full_disk_is_told_and_the_run_goes_on_as_if_nothing_had_been(run_on, tmp_path):
-    """At the first files, before there is a checkpoint, so that the run begins again and is the uninterrupted one; and
-    beside the training at a checkpoint, unless a row of the metrics comes upon the full disk first."""
+    """At the first files, before there is a checkpoint, so that the run begins again; and beside the training at a
+    checkpoint, unless a row of the metrics comes upon the full disk first. A third run never meets one."""
     found = {size: run_on(size, tmp_path) for size in ("20k", "1500k")}
-    for code, said, _, _ in found.values():
+    assert run.main([*RUN.split(), "--run.folder", str(tmp_path / "whole")]) == 0
+    (metrics,) = (tmp_path / "whole").glob("*/*/metrics.csv")
+    for code, said, _, ended in found.values():
         assert code == 2 and "cannot write" in said and "No space left" in said, said[-2000:]
         assert "resume the run" in said and "Traceback" not in said and "Event loop" not in said
-    (_, _, again, whole), (_, _, on, resumed) = found["20k"], found["1500k"]
-    assert "resuming after" not in again and "resuming after iteration" in on
-    assert resumed == whole and len(whole.splitlines()) == 1 + 2 * 8
+        assert ended == metrics.read_text()
+    assert "resuming after" not in found["20k"][2] and "resuming after iteration" in found["1500k"][2]

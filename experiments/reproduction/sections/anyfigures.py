@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.reproduction.anytask import met, suites, tested
 from experiments.reproduction.stored import Stored
-from t2tl_jax.evaluation.statistics import Estimate, mean, mean_rate, two_way_mean
+from t2tl_jax.evaluation.statistics import Estimate, brackets, mean, mean_rate, score_interval, two_way_mean
 
 SAMPLED, MODE = "sampled", "deterministic"
 
@@ -59,7 +59,7 @@ def interval(estimate: Estimate, digits: int = 3) -> str:
     """The interval alone, for a cell; a dash where there is none."""
     if estimate.low is None or estimate.high is None:
         return "-"
-    return f"[{estimate.low:.{digits}f}, {estimate.high:.{digits}f}]"
+    return brackets(estimate.low, estimate.high, digits)
 
 
 def by_tasks(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> Estimate:
@@ -70,13 +70,13 @@ def by_tasks(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: s
 def over_tasks(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> Estimate:
     """The same for a cell, whose interval of a rate is Wilson's over seeds at least, as in cells of a single task."""
     estimate = by_tasks(of, tasks, policy, figure)
-    known = np.ma.masked_invalid(_stacked(of, tasks, policy, figure)).mean(axis=1).compressed()
-    if figure in RANGES or not known.size:
+    seeds = int(np.isfinite(_stacked(of, tasks, policy, figure)).any(axis=1).sum())
+    if figure in RANGES or estimate.value is None or seeds < 2:
         return estimate
-    seeds = over_seeds(known, figure)
-    if estimate.low is None or estimate.high is None or seeds.low is None or seeds.high is None:
-        return replace(estimate, low=seeds.low, high=seeds.high)
-    return replace(estimate, low=min(estimate.low, seeds.low), high=max(estimate.high, seeds.high))
+    wilson = score_interval(estimate.value, seeds)
+    assert wilson.low is not None and wilson.high is not None
+    by_t = [end for end in (estimate.low, estimate.high) if end is not None]
+    return replace(estimate, low=min([wilson.low, *by_t]), high=max([wilson.high, *by_t]))
 
 
 def _stacked(of: Mapping[str, Any], tasks: Sequence[str], policy: str, figure: str) -> np.ndarray:

@@ -47,7 +47,7 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     alone = "alone" if run.status.get("alone") else "host shared"
     parts = (
         "*An agent of the open ZoneEnv; settings were chosen on other formulas, knowing these results.",
-        f"Success on z1 to z6: {ours('success_rate')} in {ours('success_length', 0)} steps",
+        f"Success on z1 to z6: {ours('success_rate')} (Wilson's) in {ours('success_length', 0)} steps",
         f"(DeepLTL: {theirs('DeepLTL')}; GenZ-LTL, played by us, not stored: {theirs('GenZ-LTL')});",
         f"weakest of {len(hard)} harder: {weakest}, {means[weakest]:.3f}, worst seed",
         f"{float(np.nanmin(rates[weakest])):.3f} (GenZ-LTL {genz:.3f});",

@@ -83,8 +83,8 @@ difference, where there is one, is open."""
 LEAD = """A lead on why crm's single task is behind, and no explanation: the authors trained crm with three layers of
 512 too (crm1, one repeat), the width of ours. At their learning rate it ends the ten tasks at a score of {narrow:.3f}
 where their 1,024 end at {wide:.3f}, so that width alone costs {cost:.3f} there. Of the single task no such run is
-published.{ours} Our run in the published form, as far as it went, [speaks against
-it](#crms-single-task-in-the-published-form-to-two-thirds-of-its-steps)."""
+published.{ours} Our run in the published form is shown as far as it went
+[below](#crms-single-task-in-the-published-form-to-two-thirds-of-its-steps)."""
 
 AS_WIDE = " On the ten tasks ours is as narrow and ends at {:.3f}, with another head and another learning rate."
 
