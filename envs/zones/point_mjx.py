@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Callable
-from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias
 
@@ -41,17 +40,13 @@ class MjxPoint:
     """
 
     def __init__(self, walls: bool = True) -> None:
-        self._walls = walls
-
-    @cached_property
-    def _in_mjx(self) -> tuple[mjx.Model, mjx.Data]:
-        """The model and its state at rest, which only what writes out the substep needs."""
         model = mujoco.MjModel.from_xml_string(MODEL_FILE.read_text())
-        if not self._walls:  # nothing else can be touched, and MJX then has no solver to run
+        if not walls:  # nothing else can be touched, and MJX then has no solver to run
             model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         with jax.ensure_compile_time_eval():
-            in_mjx = mjx.put_model(model, impl="jax")
-            return in_mjx, mjx.make_data(in_mjx, impl="jax")
+            self._model = mjx.put_model(model, impl="jax")
+            self._blank = mjx.make_data(self._model, impl="jax")
+        self._walls = walls
 
     def step(self, state: PointState, action: jax.Array, substeps: int = SUBSTEPS) -> PointState:
         """The robot after ``substeps`` substeps of 2 ms under a held ``action`` of ``float32[2]``."""
@@ -108,8 +103,7 @@ class MjxPoint:
         factors the 3 x 3 matrix again for it, in a sixth of the small operations for which a GPU waits in a substep.
         """
         qpos, qvel, ctrl = jnp.stack(numbers[:3]), jnp.stack(numbers[3:6]), jnp.stack(numbers[6:])
-        model, blank = self._in_mjx
-        data = mjx.forward(model, blank.replace(qpos=qpos, qvel=qvel, ctrl=ctrl))
+        data = mjx.forward(self._model, self._blank.replace(qpos=qpos, qvel=qvel, ctrl=ctrl))
         fx, fy, torque = (data.qfrc_smooth + data.qfrc_constraint).astype(jnp.float32)
         cos, sin = jnp.cos(qpos[2]), jnp.sin(qpos[2])
         along, aside, turn = solve((cos * fx + sin * fy, cos * fy - sin * fx, torque), TIMESTEP)

@@ -147,8 +147,7 @@ def mjx_point(iterations: int) -> Any:
 
     point = MjxPoint()
     # Nobody but this comparison wants another number, so it is no argument there.
-    model, at_rest = point._in_mjx
-    point._in_mjx = model.replace(opt=model.opt.replace(iterations=iterations)), at_rest
+    point._model = point._model.replace(opt=point._model.opt.replace(iterations=iterations))
     # Several steps are a loop, which has no straight-line form.
     point._substep = point.mujoco_substep  # type: ignore[method-assign]
     return point

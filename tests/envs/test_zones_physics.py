@@ -90,7 +90,7 @@ def test_mjx_step_and_acceleration_are_those_of_the_two_apart(mjx_point, free_st
 
 
 def test_mjx_model_has_the_constants_of_the_robot(mjx_point):
-    model, _ = mjx_point._in_mjx
+    model = mjx_point._model
     assert model.opt.timestep == pytest.approx(0.002)
     assert int(model.ngeom) == 4 + 2 + 2
     np.testing.assert_allclose(model.body_mass[1], 0.00518879, rtol=1e-5)
