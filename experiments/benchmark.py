@@ -50,7 +50,7 @@ class Arguments:
     """How many seeds at once."""
     one_seed: tuple[str, ...] = ()
     """More trainings, which are timed with one seed only."""
-    solve: tuple[str, ...] = ("zone_ppo:t1tl", "zone_ppo:t2tl")
+    solve: tuple[str, ...] = ("zone_ppo:t1tl", "zone_ppo:t2tl", "waterworld_dqn:t1tl", "waterworld_dqn:t2tl")
     """Trainings as above that are run once with each number of seeds until success in training stays above 95 % in all
     of them, from pre-training on."""
     devices_per_seed: int = 0

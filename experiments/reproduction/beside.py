@@ -282,7 +282,7 @@ MEASUREMENTS = (
         parallel,
     ),
     Measurement(
-        "crm's single task in the published form, to two thirds of its steps",
+        "crm's single task in the published form, once more",
         ("python -m experiments.reproduce --only rm-single-crm-published",),
         published_form,
     ),

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.reproduction.page import origin, paragraph, table
+from t2tl_jax.evaluation.statistics import brackets
 from t2tl_jax.runs.folder import read_json
 
 FILES = "profile_*.json"
@@ -22,6 +23,7 @@ STEPS = {
     "next_values": "T1TL: V(s') from the next step's V(s), not computed for every step (an iteration, closed form)",
     "next_state": "DQN: no gradient through s' (a gradient step of T1TL; predicted by the compiler's count)",
     "guard": "no gain but a price: with seeds frozen that are not finite, against without (an iteration, closed form)",
+    "guard_12": "the same with twelve seeds",
 }
 """What the steps of `experiments.benchmarks.gains` are."""
 
@@ -123,6 +125,7 @@ def gains(results: Path) -> str:
                 STEPS[name],
                 f"{of['predicted']:.2f}",
                 f"{of['measured']:.2f} ({of['least']:.2f}, {of['most']:.2f})",
+                "-" if of.get("low") is None else brackets(of["low"], of["high"], 3),
             )
             for name, of in stored["steps"].items()
         ]
@@ -130,7 +133,7 @@ def gains(results: Path) -> str:
             How many times as long the slower form takes, by its arithmetic and by the clock: medians of
             {stored["settings"]["repeats"]} pairs of calls within one process, the least and the most
             (`{_command(stored, file)}`)."""
-        heading = ("step", "predicted", "measured")
+        heading = ("step", "predicted", "measured", "95 % interval of the median")
         parts += [paragraph(said), table(heading, rows), origin([stored["where"]])]
     return "\n\n".join(parts)
 

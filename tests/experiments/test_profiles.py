@@ -136,7 +136,10 @@ def test_the_page_sets_parts_against_their_floor(tmp_path):
     step = {"predicted": 1.4, "measured": 1.45, "least": 1.2, "most": 1.6}
     steps = {"where": WHERE, "settings": {"repeats": 3}, "steps": {"next_state": step}}
     (tmp_path / "gains_cpu.json").write_text(json.dumps(steps))
-    assert "| 1.40 | 1.45 (1.20, 1.60) |" in profiles.gains(tmp_path)
+    assert "| 1.40 | 1.45 (1.20, 1.60) | - |" in profiles.gains(tmp_path)
+    steps["steps"]["next_state"] = step | {"low": 1.3, "high": 1.5}
+    (tmp_path / "gains_cpu.json").write_text(json.dumps(steps))
+    assert "| 1.40 | 1.45 (1.20, 1.60) | [1.300, 1.500] |" in profiles.gains(tmp_path)
 
 
 def test_every_step_that_is_measured_is_described():
@@ -153,6 +156,23 @@ def test_a_gain_is_the_ratio_of_neighbouring_calls():
     forms = (gains_benchmark.Form(lambda: sum(range(200_000)), 3.0), gains_benchmark.Form(lambda: None, 2.0))
     found = gains_benchmark.compare(*forms, repeats=3)
     assert found["predicted"] == 1.5 and found["least"] > 1 and found["least"] <= found["measured"] <= found["most"]
+    assert found["low"] is None  # of three calls no interval of 95 % can be had
+    found = gains_benchmark.compare(*forms, repeats=9)
+    assert found["least"] <= found["low"] < found["measured"] < found["high"] <= found["most"]
+
+
+def test_the_interval_of_a_median_is_that_of_its_ranks(monkeypatch):
+    """Of nine values the second and the eighth enclose the median with 96 %, and none nearer with 95 %."""
+    ratios = iter([5.0, *range(1, 10)])  # the first warms up
+    monkeypatch.setattr(gains_benchmark, "_seconds", lambda call: float(next(ratios)) if call == "slow" else 1.0)
+    slow, fast = gains_benchmark.Form("slow", 1.0), gains_benchmark.Form("fast", 1.0)
+    found = gains_benchmark.compare(slow, fast, repeats=9)
+    assert (found["low"], found["measured"], found["high"]) == (2.0, 5.0, 8.0)
+
+
+def test_single_steps_can_be_measured_and_a_misspelt_one_is_answered(capsys):
+    assert gains_benchmark.main(["--steps", "gard"]) == 2
+    assert "did you mean 'guard'" in capsys.readouterr().err
 
 
 @pytest.mark.slow

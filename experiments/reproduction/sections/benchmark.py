@@ -83,8 +83,10 @@ difference, where there is one, is open."""
 LEAD = """A lead on why crm's single task is behind, and no explanation: the authors trained crm with three layers of
 512 too (crm1, one repeat), the width of ours. At their learning rate it ends the ten tasks at a score of {narrow:.3f}
 where their 1,024 end at {wide:.3f}, so that width alone costs {cost:.3f} there. Of the single task no such run is
-published.{ours} Our run in the published form is shown as far as it went
-[below](#crms-single-task-in-the-published-form-to-two-thirds-of-its-steps)."""
+published.{ours}"""
+
+AGAIN = """An earlier training of it, which was cut, stands
+[below](#crms-single-task-in-the-published-form-once-more)."""
 
 AS_WIDE = " On the ten tasks ours is as narrow and ends at {:.3f}, with another head and another learning rate."
 
@@ -288,7 +290,7 @@ def single_note(runs: Mapping[str, Stored]) -> str:
     form = f"rm-single-crm{FORM}"
     slow = f"the slow run and {form}, which have" if form in runs else "the slow run, which has"
     note = paragraph(SINGLE_NOTE.format(slow=slow))
-    return f"{note}\n\n{paragraph(FORM_NOTE)}" if form in runs else note
+    return f"{note}\n\n{paragraph(f'{FORM_NOTE} {AGAIN}')}" if form in runs else note
 
 
 def scored(runs: Mapping[str, Stored]) -> str:
