@@ -30,6 +30,7 @@ from t2tl_jax.networks.q_network import QNetwork
 from t2tl_jax.networks.windows import Carry
 from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import Shared, TaskEnv, TaskParams
+from t2tl_jax.training.devices import on_each, over_envs
 from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.transfer import PART, with_encoder
 from t2tl_jax.training.types import Agent, Metrics, Params, repeated
@@ -206,12 +207,13 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         def observe(carry: Carry, now: State, action: jax.Array, reward: jax.Array, ended: jax.Array) -> Carry:
             return network.next_episode(remember(state.params, carry, now.obs, action, reward), ended)
 
+        episodes, carry = over_envs((state.episodes, state.carry))
         episodes, carry, done = advance(
             env,
             env_params,
             Player(explore, observe),
-            state.episodes,
-            state.carry,
+            episodes,
+            carry,
             key,
             episode_length,
             config.discount,
@@ -219,7 +221,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         steps = apply(state.params, done.carry, done.obs, done.action, done.reward, method="extend")
         stored = Transition(done.obs, done.action, done.state.obs, done.row, done.shared, done.truncated, steps)
         with jax.named_scope("replay"):
-            buffer = replay.add(state.buffer, with_mark(stored, marked))
+            buffer = replay.add(state.buffer, on_each(with_mark(stored, marked)))  # batches are drawn from all of it
         return replace(state, episodes=episodes, carry=carry, buffer=buffer), done
 
     def encode(state: DQNState, table: TaskTable, known: Any) -> tuple[Embedding, Callable | None]:
@@ -274,7 +276,7 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         has to be held. The step size is `annealed` by that share where Adam's counter is too small for the run.
         """
         with jax.named_scope("replay"):
-            batch = replay.sample(state.buffer, key)
+            batch = over_envs(replay.sample(state.buffer, key))
         rows, movement = None, {}
         if isinstance(batch, Marked):
             rows = drawn_rows(table, batch, marked, rows_drawn, jax.random.fold_in(key, ROWS))
@@ -378,6 +380,8 @@ def make_dqn(env: TaskEnv, config: DQNConfig, episode_length: int, iterations: i
         compare=compare,
         value=value,
         map_params=map_params,
+        num_envs=config.num_envs,
+        devices_per_seed=1,  # they would meet at every gradient step, which is small: more only where asked for
         replay="buffer",
     )
 

@@ -81,9 +81,9 @@ class RunConfig:
     host, and every iteration goes through all groups."""
     devices_per_seed: int = 0
     """The most devices that the environments of one seed are spread over, where there are more devices than seeds
-    take; 0 is all of them on a CPU, where every core can be a device, and 1 on other hardware. PPO spreads them. DQN
-    does not (replay is one for all of a seed's environments): it refuses more than 1, and more devices than seeds are
-    left idle."""
+    take. 0 leaves it to the learner. Of PPO it is all of them on a CPU, where every core can be a device, and 1 on
+    other hardware. Of DQN it is 1: its devices meet at every gradient step, and each has the whole replay. More than 1
+    is refused where a seed has one environment."""
 
     table_rows: Count = 0
     """Rows that the table of a formula has room for, so that trainings of formulas of different sizes share one

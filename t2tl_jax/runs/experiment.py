@@ -113,7 +113,11 @@ class Experiment:
     @property
     def sharding(self) -> NamedSharding | None:
         """Where the seeds and their environments are placed; None on a single device."""
-        return seed_sharding(len(self.seeds), self.agent.num_envs, self.config.run.devices_per_seed)
+        return self._placed(len(self.seeds))
+
+    def _placed(self, count: int) -> NamedSharding | None:
+        per_seed = self.config.run.devices_per_seed or self.agent.devices_per_seed
+        return seed_sharding(count, self.agent.num_envs, per_seed)
 
     @property
     def devices(self) -> int:
@@ -131,7 +135,7 @@ class Experiment:
 
     def _traced(self, seeds: Sequence[int], env_params: TaskParams, restartable: bool) -> Program:
         """The program of these seeds, which is not traced anew where `runs/kept_traces.py` has it."""
-        sharding = seed_sharding(len(seeds), self.agent.num_envs, self.config.run.devices_per_seed)
+        sharding = self._placed(len(seeds))
         kept = kept_traces.file_of(self.config, self.table, env_params, sharding)
         return trace(self.agent, seeds, env_params, restartable, sharding, kept)
 

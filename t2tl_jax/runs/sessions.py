@@ -71,10 +71,13 @@ def checked(experiment: Experiment, first: Result | None, begun: bool = False) -
     config, before = experiment.config, None
     if not begun:
         if config.run.devices_per_seed > 1 and experiment.agent.num_envs == 1:
+            one = getattr(config.learner, "num_envs", None) == 1
             raise UserError(
-                f"this learner keeps each seed on one device, got run.devices_per_seed={config.run.devices_per_seed}; "
-                "leave it out: seeds are shared out over devices in any case. PPO with several environments can spread "
-                "a seed"
+                ("a seed has one environment, and nothing to spread" if one else "this learner does not spread a seed")
+                + f", got run.devices_per_seed={config.run.devices_per_seed}; leave it out: seeds are shared out over "
+                "devices in any case. "
+                + ("More environments (learner.num_envs)" if one else "PPO and DQN with several environments")
+                + " can be spread"
             )
         if config.pretrained:
             before = pretraining.check(experiment, first)

@@ -1,8 +1,9 @@
 """Devices: seeds are spread over them first, and the environments of every seed over those that are left.
 
 All arrays of a training state lead with the seeds, and a learner names the arrays that lead with environments or
-samples by `over_envs`. The compiler does the rest: each device steps its environments and differentiates its share of
-a minibatch, and the gradients are summed. Results are those of one device, up to the order of such sums.
+samples by `over_envs`, and by `on_each` those that every device needs as a whole. The compiler does the rest: each
+device steps its environments and differentiates its share of a batch, and the gradients are summed. Results are those
+of one device, up to the order of such sums.
 
 Where seeds do not share out evenly, the last one is trained several times over to fill the devices up. These copies are
 made on the way to the devices (`padded`) and dropped on the way back (`Program.unpadded`); nothing else knows of them.
@@ -46,10 +47,10 @@ def seed_sharding(
     """
     devices = jax.devices() if devices is None else list(devices)
     number = len(devices)
+    most = per_seed or (number if devices[0].platform == "cpu" else 1)
 
     def envs(over_seeds: int) -> int:
-        left = number // over_seeds
-        return _largest_divisor(num_envs, min(left, per_seed or (left if devices[0].platform == "cpu" else 1)))
+        return _largest_divisor(num_envs, min(number // over_seeds, most))
 
     def cost(over_seeds: int) -> tuple[float, bool, int]:
         return -(-count // over_seeds) / envs(over_seeds), count % over_seeds > 0, -over_seeds
@@ -62,7 +63,7 @@ def seed_sharding(
         raise ValueError(
             f"there is work for {used} of {number} devices ({count} seeds, {num_envs} environments each that could be "
             f"spread), which leaves {len(present - busy)} of {len(present)} hosts idle: take more seeds or fewer hosts"
-            + ("" if per_seed or devices[0].platform == "cpu" else ", or spread each seed (--run.devices-per-seed)")
+            + (", or spread each seed (--run.devices-per-seed)" if num_envs > 1 and most == 1 else "")
         )
     if used == 1:
         return None
@@ -75,7 +76,10 @@ def _largest_divisor(number: int, most: int) -> int:
 
 
 def over_envs(tree: Any) -> Any:
-    """The same arrays, their leading axis (environments, or samples of a minibatch) spread over a seed's devices."""
+    """The same arrays, their leading axis (environments, or samples of a batch) spread over a seed's devices.
+
+    Where they do not divide it, the compiler fills it up.
+    """
     return _constrained(tree, PartitionSpec(ENVS))
 
 

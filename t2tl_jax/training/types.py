@@ -158,6 +158,7 @@ class Agent(NamedTuple):
         that it holds.
     num_envs: environments that `iterate` may spread over devices, where it marks its arrays by `devices.over_envs`; 1
         for learners that do not.
+    devices_per_seed: devices that a seed has at most where the run does not say so; 0 as `devices.seed_sharding` has it
     replay: name of the field of the train state that holds what was experienced and only a training that goes on needs;
         '' for learners without one.
     given(env_params) -> the same learner with the numbers in `env_params`, if there are any, instead of those of its
@@ -184,6 +185,7 @@ class Agent(NamedTuple):
     value: Callable[[Params, Any, AgentCarry, jax.Array, jax.Array], jax.Array] | None = None
     map_params: Callable[[Any, Callable[[Params], Params]], Any] = map_params
     num_envs: int = 1
+    devices_per_seed: int = 0
     replay: str = ""
     given: Callable[[TaskParams], "Agent"] | None = None
 

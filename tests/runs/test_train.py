@@ -14,6 +14,7 @@ import t2tl_jax
 from t2tl_jax import (
     Config,
     ContextConfig,
+    DQNConfig,
     NetworkConfig,
     OneHotConfig,
     PPOConfig,
@@ -27,7 +28,7 @@ from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
 from t2tl_jax.runs.result import Result
 from tests.diary import Diary, run_fake
 from tests.fake_agent import FakeConfig, FakeNetwork
-from tests.probe import ProbeEnv
+from tests.probe import DiscreteProbeEnv, ProbeEnv
 
 pytestmark = pytest.mark.slow  # nearly every test compiles a training or an evaluation
 
@@ -278,7 +279,16 @@ def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from():
         ((ProbeEnv(), TASK, PPO), {"seeds": (1, 1)}, "every seed may appear once"),
         ((ProbeEnv(), TASK, PPO), {"seeds": 0}, "number of seeds"),
         ((ProbeEnv(), TASK, "ppo"), {}, "learner"),
-        (("waterworld_dqn",), {"run": RunConfig(devices_per_seed=2)}, "keeps each seed on one device, got run.devices"),
+        (
+            (DiscreteProbeEnv(), TASK, DQNConfig(num_envs=1)),
+            {"run": RunConfig(devices_per_seed=2)},
+            r"a seed has one environment, and nothing to spread, got run.devices_per_seed=2; .*\(learner.num_envs\)",
+        ),
+        (
+            (ProbeEnv(), TASK, FakeConfig()),
+            {"run": RunConfig(devices_per_seed=2)},
+            "this learner does not spread a seed, got run.devices_per_seed=2; .* PPO and DQN with several",
+        ),
         ((ProbeEnv(), TASK, PPO), {"pretrained": "nowhere"}, "a code without parameters cannot be pre-trained"),
         ((ProbeEnv(), TASK, PPOConfig()), {"pretrained": "nowhere"}, "there is no folder"),
     ],
