@@ -19,6 +19,7 @@ from experiments.reproduction.measures import frames_to
 from experiments.reproduction.page import made_by, origin, paragraph, table
 from experiments.reproduction.sections.benchmark import benchmark
 from experiments.reproduction.sections.published_form import published_form
+from experiments.reproduction.sections.thousand import thousand
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import curves_by_frames, methods
 from t2tl_jax.evaluation.statistics import SOLVED, brackets
@@ -275,6 +276,11 @@ MEASUREMENTS = (
             "--pretrained '' [--FIELD VALUE]",
         ),
         corrections,
+    ),
+    Measurement(
+        "A thousand seeds",
+        ("python -m experiments.run --config zone_ppo_closed_form --method t1tl --seeds 1000",),
+        thousand,
     ),
     Measurement(
         "The reward-machine benchmark with 32 environments",
