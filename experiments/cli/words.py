@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
-from t2tl_jax.evaluation.curves import sparkline
+from t2tl_jax.evaluation.sparkline import sparkline
 from t2tl_jax.runs import pretraining
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
 from t2tl_jax.runs.differences import in_short

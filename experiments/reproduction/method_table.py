@@ -52,8 +52,11 @@ def method_table(runs: Mapping[str, Stored], methods: Sequence[str] = tuple(METH
 
 def _water(runs: Mapping[str, Stored], name: str) -> str:
     """How many seeds of a run solved its task, and of the same training once more, whose parameters are kept."""
-    first, again = (solved(runs[one]) if one in runs else "-" for one in (name, again_name(name)))
-    return first if again == "-" else f"{first}, again {again}"
+    first, again = (runs.get(one) for one in (name, again_name(name)))
+    if first is None or again is None:
+        return "-" if first is None else solved(first)
+    same = first.by_seed("discounted_return") == again.by_seed("discounted_return")
+    return f"{solved(first)}, again {'the same returns' if same else solved(again)}"
 
 
 def _encoder(method: Method) -> str:

@@ -51,7 +51,10 @@ class Picture:
 
     def digest(self) -> str:
         """Of everything that is drawn, the same wherever it is computed: numbers count to six digits."""
-        lines = [(one.label, one.colour, one.dashed, _rounded(one.x), _rounded(one.values)) for one in self.lines]
+        lines = [
+            (one.label, one.colour, one.dashed, _rounded(one.x), _rounded(one.values), *["shares"] * one.shares)
+            for one in self.lines
+        ]
         return hashlib.sha256(json.dumps([self.xlabel, self.ylabel, lines]).encode()).hexdigest()
 
     def draw(self, target: Path) -> None:
@@ -117,8 +120,8 @@ def pictures(paper: Mapping[str, Stored], short: Mapping[str, Stored]) -> dict[s
         ),
         "benchmark/single": Picture(
             "rm_benchmark_single.png",
-            "Share of the last 100 training episodes of the single task that pay 1, with 95 % t intervals, "
-            "which can pass 1. Dashed: published, on the same maps.",
+            "Share of the last 100 training episodes of the single task that pay 1, with 95 % intervals over maps "
+            "(Wilson's). Dashed: published, on the same maps.",
             (*_single(paper), *_published(_PAID, published_water.SINGLE_STEPS)),
             *("environment steps", "share of episodes that pay 1"),
         ),
@@ -201,7 +204,13 @@ def _single(paper: Mapping[str, Stored]) -> list[Line]:
     runs = {name: paper[name] for name in benchmark.SINGLE if name in paper}
     marks = published_water.SINGLE_STEPS
     return [
-        Line(f"{label} ({len(run.seeds)} maps)", marks, benchmark.recent(run, marks, "total_reward"), _COLOURS[label])
+        Line(
+            f"{label} ({len(run.seeds)} maps)",
+            marks,
+            benchmark.recent(run, marks, "total_reward"),
+            _COLOURS[label],
+            shares=True,
+        )
         for label, run in ((benchmark.SINGLE[name], run) for name, run in runs.items())
         if "total_reward" in run.metrics
     ]

@@ -10,7 +10,7 @@ from typing import Any
 from experiments.benchmarks import measured
 from experiments.reproduction.page import made_by, origin, paragraph, table
 from experiments.reproduction.scaling import in_time
-from experiments.reproduction.stored import Stored
+from experiments.reproduction.stored import Stored, load
 from t2tl_jax.runs.folder import read_json
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
 
@@ -99,7 +99,7 @@ def until_solved(results: Path) -> str:
                 kind.hardware,
                 ", ".join(f"{_seeds(one.run)}: {one.seconds}" for one in runs),
                 f"{' to '.join(dict.fromkeys(frames))} M",
-                f"{kind.aim} s: {sum(one.seconds <= kind.aim for one in runs)} of {len(runs)}",
+                _within(kind, runs),
                 _span([one.compiling for one in runs]),
                 _span([one.whole for one in runs if one.whole is not None]),
                 f"`{kind.command}`",
@@ -116,6 +116,12 @@ def until_solved(results: Path) -> str:
         "command",
     )
     return f"{table(heading, rows)}\n\n{made_by(shown)}"
+
+
+def _within(kind: Kind, runs: Sequence[Timed]) -> str:
+    """How many runs were within the aim, of those on seeds that nothing was tuned on."""
+    seconds = [one.seconds for one in runs if one.run.seeds[0] < FIRST_TUNING_SEED]
+    return f"{kind.aim} s: {sum(one <= kind.aim for one in seconds)} of {len(seconds)}"
 
 
 def _seeds(run: Stored) -> str:
@@ -140,6 +146,32 @@ def second_core(results: Path) -> str:
         runs = [Stored(results / "zone_cpu" / f"{kind}_{FIRST_TUNING_SEED}{suffix}") for kind in kinds]
         rows.append((title, *(f"{run.status['last_session']['frames_per_second_all_seeds']:,.0f}" for run in runs)))
     return table(("devices", "T1TL, MJX", "T2TL, MJX", "T1TL, closed form"), rows)
+
+
+LONGEST_PAUSE = 0.05
+"""The largest share of a training's time that its checkpoints were to take."""
+
+
+def pauses(results: Path) -> str:
+    """For how long trainings stood still for their checkpoints, over all runs that are stored with that time."""
+    stored = {f"{group}/{name}": run for group in PAUSED for name, run in load(results / group).items()}
+    times = {name: run.status.get("all_sessions", {}) for name, run in stored.items()}
+    shares = {
+        name: (of["checkpoint_seconds"], of["training_seconds"])
+        for name, of in times.items()
+        if of.get("checkpoint_seconds") and of.get("training_seconds")
+    }
+    over = {name: (stood, whole) for name, (stood, whole) in shares.items() if stood > LONGEST_PAUSE * whole}
+    words = [f"`{name}` {stood / whole:.1%} ({stood:.2f} of {whole:.1f} s)" for name, (stood, whole) in over.items()]
+    return paragraph(
+        f"Of {len(shares)} stored runs with such a time, {len(shares) - len(over)} stood still for checkpoints during "
+        f"at most {LONGEST_PAUSE:.0%} of their training, which was the aim"
+        + (f"; the others: {', '.join(words)}." if over else ".")
+    )
+
+
+PAUSED = ("paper", "any", "zone_short_h200", "corrections_h200", "thousand_h200")
+"""Folders of runs among the results."""
 
 
 def environments(results: Path) -> str:

@@ -34,10 +34,11 @@ def whole(runs: Mapping[str, Stored]) -> str:
     busy = gpu_minutes(list(trained.values()))
     longest = sorted(training, key=lambda name: -training[name])[:10]
     return paragraph(
-        f"All {len(trained)} runs: {sum(training.values()):.0f} minutes of training and {compiles:.0f} of compiling, "
-        f"summed over runs. By when each began they kept GPUs busy for {busy:.0f} "
-        "minutes, with several beside each other on a GPU or, where fewer were left, one; evaluation and starting are "
-        "not counted. The search, repeated runs and some on another kind of GPU are among them. The aim was "
+        f"All {len(trained)} runs (`--only paper`; those of agents for any task come on top): "
+        f"{sum(training.values()):.0f} minutes of training and {compiles:.0f} of compiling, summed over runs. "
+        f"By when each began they kept GPUs busy for {busy:.0f} minutes, with several beside each other on a GPU or, "
+        "where fewer were left, one; evaluation and starting are not counted. The search, repeated runs and some on "
+        "another kind of GPU are among them. The aim was "
         f"{AIM} minutes of one H200, and is {'' if busy <= AIM else 'not '}reached. The longest, in minutes: "
         f"{', '.join(f'{name} {training[name]:.0f}' for name in longest)}.{_benchmark_steps(trained)}"
         + where_the_minutes_are(trained)

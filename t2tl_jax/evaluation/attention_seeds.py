@@ -19,7 +19,7 @@ from flax import linen as nn
 from t2tl_jax.evaluation import attention as reading
 from t2tl_jax.evaluation.attention import Attention, Queries, Removal
 from t2tl_jax.evaluation.first_entered import first_entered, shares
-from t2tl_jax.evaluation.statistics import Estimate, mean, rate
+from t2tl_jax.evaluation.statistics import Estimate, mean, mean_rate, rate
 from t2tl_jax.ltl.tokens import token_names
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training.types import Agent, Params
@@ -212,9 +212,9 @@ def _stage(readings: Sequence[Reading]) -> dict[str, Any]:
         "token_star": _counts(cells, "token_star"),
         "needed_token": _counts(cells, "needed_token"),
         "agreement": asdict(rate(sum(agrees), len(agrees))),
-        "agreement_over_rows": asdict(mean(shares_of_rows, 0.0, 1.0)),
+        "agreement_over_rows": asdict(mean_rate(shares_of_rows)),
         "rank_correlation": asdict(mean(correlations, -1.0, 1.0)),
-        "first": {name: asdict(mean([r.first[name] for r in whole], 0.0, 1.0)) for name in whole[0].first},
+        "first": {name: asdict(mean_rate([r.first[name] for r in whole])) for name in whole[0].first},
         "attention_received": [asdict(mean(of_token, 0.0)) for of_token in np.transpose(received)]
         if received
         else None,

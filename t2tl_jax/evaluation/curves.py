@@ -26,7 +26,9 @@ def plot_learning_curves(
     title: str = "",
     published: Mapping[str, Curve] | None = None,
 ) -> None:
-    """Draw the curves of a run: a thin line per seed, their mean, and its 95 % t interval over seeds.
+    """Draw the curves of a run: a thin line per seed, their mean, and its 95 % interval over seeds.
+
+    The interval is Student's t, of shares Wilson's.
 
     Args:
         metrics: by name, ``float[seeds, iterations]``, such as `Result.metrics`; NaN where absent.
@@ -41,7 +43,7 @@ def plot_learning_curves(
     canvas = FigureCanvasAgg(figure)
     for axes, (name, label) in zip(figure.subplots(1, len(PANELS)), PANELS, strict=True):
         values = metrics[name]
-        centre, low, high = band(values)
+        centre, low, high = band(values, shares=name == "success_rate")
         if len(values) > 1:
             for line in values:
                 axes.plot(frames, line, color="C0", linewidth=0.6, alpha=0.4)
@@ -74,6 +76,8 @@ class Line:
     colour: int
     """Which of matplotlib's colours, from 0 on."""
     dashed: bool = False
+    shares: bool = False
+    """Whether the values are shares, whose interval is another one."""
 
 
 def plot_runs(
@@ -100,7 +104,7 @@ def plot_runs(
 def plot_lines(
     lines: Sequence[Line], target: Path, xlabel: str, ylabel: str, metadata: Mapping[str, str] | None = None
 ) -> None:
-    """Draw curves into one panel, each with its 95 % t interval over seeds.
+    """Draw curves into one panel, each with its 95 % interval over seeds: Student's t, of shares Wilson's.
 
     Args:
         lines: what is drawn, in this order.
@@ -115,7 +119,7 @@ def plot_lines(
     for line in lines:
         colour, centre = f"C{line.colour}", line.values[0]
         if len(line.values) > 1:
-            centre, low, high = band(line.values)
+            centre, low, high = band(line.values, line.shares)
             axes.fill_between(line.x, low, high, color=colour, alpha=0.15, linewidth=0)
         style, width = ("--", 1.1) if line.dashed else ("-", 1.6)
         axes.plot(line.x, centre, color=colour, linestyle=style, linewidth=width, label=line.label)
@@ -129,19 +133,3 @@ def plot_lines(
 def _frames(metrics: Mapping[str, np.ndarray]) -> np.ndarray:
     """Environment steps of each seed by iteration: float[iterations]. No row is missing in every seed."""
     return np.nanmax(metrics["frames"], axis=0)
-
-
-def sparkline(values: np.ndarray, width: int = 32) -> str:
-    """A curve between 0 and 1 as a line of block characters; points without data are blank.
-
-    Args:
-        values: ``float[points]``, NaN where absent.
-        width: at most this many characters; each is the mean of the points that it covers.
-    """
-    blocks = "▁▂▃▄▅▆▇█"
-    text = ""
-    for part in np.array_split(values, min(width, len(values)) or 1):
-        known = part[np.isfinite(part)]
-        level = int(np.clip(known.mean(), 0, 1) * (len(blocks) - 1) + 0.5) if known.size else -1
-        text += blocks[level] if known.size else " "
-    return text

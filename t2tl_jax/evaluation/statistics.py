@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy  # whose parts it loads when they are first asked for: stats takes half a second
 
 CONFIDENCE = 0.95
 """Level of every interval of this project."""
@@ -123,7 +123,7 @@ def mean_rate(rates: Sequence[float] | np.ndarray) -> Estimate:
 
 def score_interval(share: float, count: int, confidence: float = CONFIDENCE) -> Estimate:
     """Wilson's interval, where ``share * count`` need not be whole (scipy's takes whole numbers of successes)."""
-    squared = float(stats.norm.ppf(0.5 + confidence / 2)) ** 2 / count
+    squared = float(scipy.stats.norm.ppf(0.5 + confidence / 2)) ** 2 / count
     centre = (share + squared / 2) / (1 + squared)
     half = np.sqrt(squared * (share * (1 - share) + squared / 4)) / (1 + squared)
     # Rounding must not leave the share outside.
@@ -146,7 +146,7 @@ def exact_rate(hits: int, count: int, intervals: int = 1) -> Estimate:
     if not 0 <= hits <= count or count < 1 or intervals < 1:
         raise ValueError(f"an exact rate needs 0 <= hits <= count, got {hits} of {count} in {intervals} intervals")
     level = 1 - (1 - CONFIDENCE) / intervals
-    found = stats.binomtest(hits, count).proportion_ci(level, method="exact")
+    found = scipy.stats.binomtest(hits, count).proportion_ci(level, method="exact")
     return Estimate(hits / count, float(found.low), float(found.high), count)
 
 
@@ -179,7 +179,7 @@ def two_way_mean(values: np.ndarray, lowest: float = float("-inf"), highest: flo
     rest = np.where(known, values - centre, 0.0)
     clusters = (rest.sum(axis=1 - axis) for axis in (0, 1))
     variance = sum(n / (n - 1) * float((sums**2).sum()) / count**2 for n, sums in zip(levels, clusters, strict=True))
-    half = float(stats.t.ppf(0.5 + CONFIDENCE / 2, min(levels) - 1) * np.sqrt(variance))
+    half = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, min(levels) - 1) * np.sqrt(variance))
     if half <= ROUNDING * abs(centre):
         return Estimate(centre, None, None, count)
     return Estimate(centre, max(centre - half, lowest), min(centre + half, highest), count)
@@ -201,39 +201,42 @@ def interquartile_mean(values: Sequence[float] | np.ndarray, seed: int = 0) -> E
         return Estimate(None, None, None, 0)
 
     def middle(x: np.ndarray, axis: int = -1) -> np.ndarray:
-        return stats.trim_mean(x, 0.25, axis=axis)
+        return scipy.stats.trim_mean(x, 0.25, axis=axis)
 
     centre, ordered = float(middle(data)), np.sort(data)
     cut = data.size // 4
     if data.size < 4 or np.ptp(ordered[cut : data.size - cut]) == 0:
         return Estimate(centre, None, None, int(data.size))
-    drawn = stats.bootstrap((data,), middle, confidence_level=CONFIDENCE, rng=np.random.default_rng(seed))
+    drawn = scipy.stats.bootstrap((data,), middle, confidence_level=CONFIDENCE, rng=np.random.default_rng(seed))
     interval = drawn.confidence_interval
     return Estimate(centre, float(interval.low), float(interval.high), int(data.size))
 
 
-def band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean over seeds and its t interval, at every point of a curve.
+def band(values: np.ndarray, shares: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean over seeds and its t interval, or of shares that of `mean_rate`, at every point of a curve.
 
     Points that a seed lacks (NaN) are left out; a point that no seed has is NaN in all three results.
 
     Args:
         values: ``float[seeds, points]``.
+        shares: whether they are shares between 0 and 1; a rounding beyond that is taken back.
 
     Returns:
         ``(mean, low, high)``, each ``float[points]``. Where there is a single seed, all three are its value.
     """
     values = np.asarray(values, np.float64)
-    centre, half = np.full(values.shape[1], np.nan), np.zeros(values.shape[1])
+    centre, low, high = np.full((3, values.shape[1]), np.nan)
     for point, column in enumerate(values.T):
         known = column[np.isfinite(column)]
-        if known.size:
-            centre[point] = known.mean()
-        if known.size > 1:
-            half[point] = _half_width(known)
-    return centre, centre - half, centre + half
+        if not known.size:
+            continue
+        found = mean_rate(known.round(6)) if shares else mean(known)
+        centre[point] = known.mean()
+        low[point] = centre[point] if found.low is None else found.low
+        high[point] = centre[point] if found.high is None else found.high
+    return centre, low, high
 
 
 def _half_width(data: np.ndarray) -> float:
     """Of Student's t interval of the mean of two values or more."""
-    return float(stats.t.ppf(0.5 + CONFIDENCE / 2, data.size - 1) * stats.sem(data))
+    return float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, data.size - 1) * scipy.stats.sem(data))

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from t2tl_jax.env import State
-from t2tl_jax.evaluation.curves import sparkline
 from t2tl_jax.evaluation.episodes import Episodes, play, player_of_seeds
 from t2tl_jax.evaluation.report import summarise, table
+from t2tl_jax.evaluation.sparkline import sparkline
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.program import params_of_seeds

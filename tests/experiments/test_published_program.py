@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from experiments import configs
 from experiments.reproduction.sections import figures
 from tests.made_up_runs import played, rows
 
@@ -41,3 +42,10 @@ def test_noise_that_grows_is_told_apart_from_failing(make):
     heading = next(line for line in whole.splitlines() if line.startswith("| frames | t1tl as published"))
     assert "normalised-advantages" in heading and "512-environments" not in heading
     assert "Not in this table: 512-environments" in whole
+
+
+def test_what_the_published_configuration_leaves_out_is_listed(request):
+    page = (request.config.rootpath / "docs" / "methods.md").read_text(encoding="utf-8")
+    listed = page.partition("The program leaves out:")[2].partition("\n\nAn earlier")[0]
+    items = [" ".join(item.split()).rstrip(";.") for item in listed.strip().split("\n- ")]
+    assert [item.removeprefix("- ") for item in items] == list(configs.ZONE_PUBLISHED_LEAVES_OUT)

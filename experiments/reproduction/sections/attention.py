@@ -14,7 +14,7 @@ from experiments.reproduction.claims import Share, majorities
 from experiments.reproduction.page import origin, paragraph, table
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.work import READING
-from t2tl_jax.evaluation.statistics import Estimate
+from t2tl_jax.evaluation.statistics import Estimate, score_interval
 from t2tl_jax.runs.folder import read_json
 
 RUNS = ("prime-fresh", "prime-own")
@@ -124,6 +124,12 @@ def of_all(stages: Stages, runs: Mapping[str, Stored]) -> str:
     return paragraph(OF_ALL.format(success=" and ".join(known))) if known else ""
 
 
+def _of_shares(found: Mapping[str, Any]) -> str:
+    """The mean of shares, one for each seed, with the interval that `mean_rate` gives; older files have another."""
+    value, count = found["value"], found["count"]
+    return (score_interval(value, count) if value is not None and count > 1 else Estimate(**found)).text(2)
+
+
 def _done(run: Stored, stage: str) -> tuple[str, str]:
     """How many seeds solve the task and how many episodes carry it out: of the final parameters, so at the end."""
     rates = run.by_seed("success_rate")
@@ -137,9 +143,9 @@ def _table(stages: Stages, runs: Mapping[str, Stored]) -> str:
             _counted(found["token_star"]),
             _counted(found["needed_token"]),
             Estimate(**found["agreement"]).text(2),
-            Estimate(**found["agreement_over_rows"]).text(2),
+            _of_shares(found["agreement_over_rows"]),
             Estimate(**found["rank_correlation"]).text(2),
-            Estimate(**found["first"][GOAL]).text(2) if GOAL in found["first"] else "-",
+            _of_shares(found["first"][GOAL]) if GOAL in found["first"] else "-",
             *_done(runs[name], stage),
         )
         for (name, stage), found in stages.items()

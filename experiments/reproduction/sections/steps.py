@@ -20,7 +20,8 @@ ORDER = (("t1tl", "gnn"), ("gnn", "rm"), ("t1tl", "rm"))
 NOTE = f"""Final parameters, sampled policy. Steps to complete are those of every episode, where one that does not
 succeed, whether it violates the task or runs out of time, counts as long as the limit: an average over successes alone
 would favour who succeeds on easy maps only. The order is that of these steps within {LIMIT:,}, fewer being better;
-steps on success stand beside them. Which limit and which episodes the published averages have is not published."""
+steps on success stand beside them. Which limit and which episodes the published averages have is not published. RM has
+16 numbers here; how many the published one has in these tables is not known."""
 
 
 def steps(runs: Mapping[str, Stored]) -> str:
