@@ -39,6 +39,8 @@ CONFIG = dataclasses.replace(
     selection=SelectionConfig(points=0),
     run=RunConfig(evaluation_episodes=0, gif=False, progress=False, pool_processes=2),
 )
+ONE = dataclasses.replace(CONFIG, run=dataclasses.replace(CONFIG.run, pool_processes=1))
+"""Where a single pool is drawn, which one process does however many there are: the others would only import."""
 TESTS = Path(__file__).parents[1]
 
 
@@ -85,7 +87,7 @@ def test_families_of_somebody_else_are_drawn_there_too(monkeypatch):
     """Registered by a module that the process has imported; its processes import it for themselves."""
     import somebody.family  # noqa: F401
 
-    config, env = dataclasses.replace(CONFIG, task="Lights"), make_env(CONFIG.env)
+    config, env = dataclasses.replace(ONE, task="Lights"), make_env(ONE.env)
     monkeypatch.setenv("PYTHONPATH", str(TESTS / "extension"), prepend=os.pathsep)
     with pool_workers.executor(config, env) as workers:
         assert_equal(workers.submit(pool_workers.draw, 1).result(), make_pools(config, env).training(1))
@@ -106,7 +108,7 @@ def test_families_are_known_there_wherever_their_function_is_from(draw, tmp_path
     monkeypatch.setattr(families, "_FAMILIES", dict(families._FAMILIES))  # other tests shall not know it
     import_module(f"registering_{name}")
     assert f"registering_{name}" in families.modules_of_families()
-    config, env = dataclasses.replace(CONFIG, task=name), make_env(CONFIG.env)
+    config, env = dataclasses.replace(ONE, task=name), make_env(ONE.env)
     with pool_workers.executor(config, env) as workers:
         assert_equal(workers.submit(pool_workers.draw, 1).result(), make_pools(config, env).training(1))
 
@@ -250,7 +252,7 @@ def test_a_number_of_processes_is_not_negative():
 
 @pytest.mark.slow
 def test_a_pool_that_cannot_be_drawn_is_told_as_without_processes(tmp_path):
-    config = dataclasses.replace(CONFIG, pool=dataclasses.replace(CONFIG.pool, rows=4))
+    config = dataclasses.replace(ONE, pool=dataclasses.replace(ONE.pool, rows=4))
     with pytest.raises(UserError, match="raise the caps on tokens and rows"):
         t2tl_jax.train(config, folder=tmp_path / "run")  # before there is a process
     with pool_workers.executor(config, make_env(config.env)) as workers:
