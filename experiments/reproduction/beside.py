@@ -76,9 +76,9 @@ def short_schedule(results: Path) -> str:
         The default of `zone_ppo`: 256 environments x 128 steps and minibatches of 2,048, after pre-training on the
         task. *Stay over 95 %*: seeds whose success in training is above it from some iteration to the end, for at least
         one time limit. *Over 95 %*: seeds in evaluations of final and of best parameters, with the deterministic / the
-        sampled policy; `-` where a run is older than the evaluation of final ones. The `..._solved` runs ended when
-        success had stayed above 95 % for a time limit. Settings were chosen on seeds from 100 on, in runs that are not
-        kept. A deterministic policy has one episode a seed on this map."""
+        sampled policy. The `..._solved` runs ended when success in training had stayed above 95 % for a time limit,
+        which is a sign of a solved task: the evaluation decides. Settings were chosen on seeds from 100 on, in runs
+        that are not kept. A deterministic policy has one episode a seed on this map."""
     fresh = {name: runs[name] for name in FRESH}
     published = {name: ZONE_CURVES[f"{name.upper()}_pre (published)"] for name in FRESH}
     curves = curves_by_frames(fresh, {name: name for name in FRESH}, SHORT_MARKS, published)
@@ -88,12 +88,16 @@ def short_schedule(results: Path) -> str:
 
 
 def _lost(name: str, run: Stored) -> str:
-    """Which seeds rose above 95 % and did not stay there, and what their final parameters come to; '' if all stayed."""
+    """Which seeds did not rise above 95 %, or did not stay there, and what their final parameters come to; '' for
+    none."""
     found = []
     for seed, frames in frames_to(run).items():
         of_seed = run.columns["seed"] == seed
         over = run.columns["success_rate"][of_seed] > SOLVED
-        if np.isfinite(frames) or over[-1] or not over.any():
+        if np.isfinite(frames) or over[-1]:
+            continue
+        if not over.any():
+            found.append(f"Seed {seed} of `{name}` is never above 95 %.")
             continue
         last_frames = run.columns["frames"][of_seed][over][-1]
         told = f"Seed {seed} of `{name}` does not stay there: it is above 95 % for the last time after "

@@ -10,7 +10,7 @@ from typing import Any
 from experiments.benchmarks import measured
 from experiments.reproduction.page import made_by, origin, paragraph, table
 from experiments.reproduction.scaling import in_time
-from experiments.reproduction.stored import Stored, load
+from experiments.reproduction.stored import Stored
 from t2tl_jax.runs.folder import read_json
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
 
@@ -154,7 +154,8 @@ LONGEST_PAUSE = 0.05
 
 def pauses(results: Path) -> str:
     """For how long trainings stood still for their checkpoints, over all runs that are stored with that time."""
-    stored = {f"{group}/{name}": run for group in PAUSED for name, run in load(results / group).items()}
+    folders = sorted(path.parent for path in results.rglob("status.json"))
+    stored = {path.relative_to(results).as_posix(): Stored(path) for path in folders}
     times = {name: run.status.get("all_sessions", {}) for name, run in stored.items()}
     shares = {
         name: (of["checkpoint_seconds"], of["training_seconds"])
@@ -162,16 +163,14 @@ def pauses(results: Path) -> str:
         if of.get("checkpoint_seconds") and of.get("training_seconds")
     }
     over = {name: (stood, whole) for name, (stood, whole) in shares.items() if stood > LONGEST_PAUSE * whole}
-    words = [f"`{name}` {stood / whole:.1%} ({stood:.2f} of {whole:.1f} s)" for name, (stood, whole) in over.items()]
+    words = [
+        f"`{name}` {100 * stood / whole:.1f} % ({stood:.2f} of {whole:.1f} s)" for name, (stood, whole) in over.items()
+    ]
     return paragraph(
         f"Of {len(shares)} stored runs with such a time, {len(shares) - len(over)} stood still for checkpoints during "
-        f"at most {LONGEST_PAUSE:.0%} of their training, which was the aim"
+        f"at most {100 * LONGEST_PAUSE:.0f} % of their training, which was the aim"
         + (f"; the others: {', '.join(words)}." if over else ".")
     )
-
-
-PAUSED = ("paper", "any", "zone_short_h200", "corrections_h200", "thousand_h200")
-"""Folders of runs among the results."""
 
 
 def environments(results: Path) -> str:

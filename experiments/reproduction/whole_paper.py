@@ -79,7 +79,8 @@ def _benchmark_steps(runs: Mapping[str, Stored]) -> str:
     """What a step of the reward-machine benchmark took, of all its maps at once; '' without its runs."""
     took = [1e3 * run.train_seconds / run.frames for name, run in runs.items() if name.startswith(BENCHMARK)]
     return (
-        f" A step of the reward-machine benchmark took {min(took):.2f} to {max(took):.2f} ms, beside others on a GPU."
+        f" A step of the reward-machine benchmark took {min(took):.2f} to {max(took):.2f} ms, most of them beside "
+        "others on a GPU."
         if took
         else ""
     )

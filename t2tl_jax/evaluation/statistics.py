@@ -223,6 +223,9 @@ def band(values: np.ndarray, shares: bool = False) -> tuple[np.ndarray, np.ndarr
 
     Returns:
         ``(mean, low, high)``, each ``float[points]``. Where there is a single seed, all three are its value.
+
+    Raises:
+        ValueError: for shares outside [0, 1].
     """
     values = np.asarray(values, np.float64)
     centre, low, high = np.full((3, values.shape[1]), np.nan)

@@ -76,8 +76,7 @@ def checked(experiment: Experiment, first: Result | None, begun: bool = False) -
                 ("a seed has one environment, and nothing to spread" if one else "this learner does not spread a seed")
                 + f", got run.devices_per_seed={config.run.devices_per_seed}; leave it out: seeds are shared out over "
                 "devices in any case. "
-                + ("More environments (learner.num_envs)" if one else "PPO and DQN with several environments")
-                + " can be spread"
+                + ("More environments (learner.num_envs) can be spread" if one else "PPO and DQN can spread a seed")
             )
         if config.pretrained:
             before = pretraining.check(experiment, first)

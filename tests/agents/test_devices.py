@@ -35,12 +35,14 @@ env = TaskEnv(probe, compile_tasks(["F(Up & F(Down & F Up))"], probe.proposition
 if learner == "ppo":
     config = replace(PPO, network=ONE_HOT, epochs=1, adam_epsilon=1.0, learning_rate=0.3)
     made = make_ppo(env, config, episode_length=20, iterations=60)
-else:  # whose replay is full and begins anew; two devices do not divide a batch
+else:  # whose replay is full and begins anew; two devices do not divide a batch; acting is a good part of the work
     dqn.clipped_adam = partial(dqn.clipped_adam, epsilon=1.0)
-    sizes = {"unroll_length": 10, "batch_size": 63, "buffer_size": 64, "learning_starts": 80}
+    sizes = {"num_envs": 256, "unroll_length": 4, "batch_size": 63, "buffer_size": 512, "learning_starts": 512}
     config = replace(DQN, network=SMALL, learning_rate=0.3, **sizes)
     made = dqn.make_dqn(env, config, episode_length=20, iterations=15)
 agent = begun_quickly(made)
+
+begun = {}
 
 def trained(seeds, mesh):
     sharding = seed_sharding(len(seeds), agent.num_envs, per_seed=mesh[1])
@@ -58,6 +60,7 @@ def trained(seeds, mesh):
             state, metrics = iterate(state, program.env_params)
         return jax.device_get(state), jax.device_get((state.params, metrics))
 
+    begun[mesh] = jax.device_get(state.params)
     return numbers, *go_on(state), lambda state: go_on(place(state, sharding))[1]
 
 def same(one, other):
@@ -66,8 +69,13 @@ def same(one, other):
 numbers, state, alone, goes_on = trained((5,), (1, 1))
 share, spread_state, spread, _ = trained((6, 5), (2, 2))
 assert share < 0.6 * numbers, (share, numbers)
+moved = jax.tree.map(lambda a, b: float(np.abs(a - b).max()), begun[1, 1], alone[0])
+assert min(jax.tree.leaves(moved)) > 1e-3, moved  # so it learned
 same(alone, jax.tree.map(lambda x: x[1:], spread))
 same(goes_on(state), goes_on(jax.tree.map(lambda x: x[1:], spread_state)))  # as from a checkpoint, on one device
+if learner == "dqn":  # which keeps a seed on one device where it is not asked to spread it
+    _, _, apart, _ = trained((6, 7, 5, 8), (4, 1))
+    same(alone, jax.tree.map(lambda x: x[2:3], apart))
 """
 
 

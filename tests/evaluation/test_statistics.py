@@ -93,6 +93,16 @@ def test_band_is_the_interval_of_the_mean_at_every_point():
         assert (centre, low, high) == pytest.approx((expected.value, expected.low, expected.high))
 
 
+def test_band_of_shares_is_wilsons_and_stays_within_them():
+    values = np.array([[1.0, 0.0, 0.5, np.nan], [1.0 + 1e-9, 0.0, 1.0, 0.25]])
+    centre, low, high = band(values, shares=True)
+    assert high[0] == 1 and low[1] == 0 and 0 < low[0] < 1
+    assert (low[2], high[2]) == pytest.approx((0.198, 0.973), abs=1e-3)
+    assert centre[3] == low[3] == high[3] == 0.25
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        band(values + 1, shares=True)
+
+
 def test_band_leaves_gaps_out():
     values = np.array([[1.0, np.nan, np.nan], [3.0, 5.0, np.nan]])
     centre, low, high = band(values)

@@ -121,7 +121,7 @@ def test_the_table_of_methods_shows_stored_runs_and_dashes_for_others(pages):
             sum(rate > 0.95 for rate in runs[name].by_seed("success_rate").values())
             for name in (f"water-{method}", again_name(f"water-{method}"))
         )
-        repeated = "the same returns" if method == "rm" else f"{again}/12"  # nothing in it differs, so it shows nothing
+        repeated = "the same training" if method == "rm" else f"{again}/12"
         assert row.split(" | ")[cell + 1].strip(" |") == f"{first}/12, again {repeated}"
     measured = [name for name in ZONE_METHODS if f"zone-{name}" in runs]
     for line in re.findall(r"^\| `.*$", pages["docs/methods.md"], re.M)[:8]:

@@ -76,8 +76,8 @@ training episodes, with exploration."""
 SEARCHED = """Learning rates were not searched for alike: ql's was chosen among four on maps {}, which are reported too;
 crm's was there before, and on which maps it was chosen is not recorded; neither was searched again for shaped rewards.
 So two aims are missed here: that a search for one method is made for all, and that it has maps of its own. A search on
-maps from 100 on would mend both, and was not made: of each run it takes as long as the runs below. Without the maps of
-ql's search:"""
+maps from 100 on would mend both, and was not made: each of its runs would take as long as those below. Without the
+maps of ql's search:"""
 
 OTHERWISE = """Width, head and learning rate are not the published ones (see below), and which of them makes the
 difference, where there is one, is open."""

@@ -20,8 +20,8 @@ NOT_WHOLE = """A search of the learning rate for every method is not complete ([
 far](#{})), and the orders here do not take it into account yet."""
 
 ELSEWHERE = """The learning rate was searched for in the same way for every method ([below](#{})), but on other tasks,
-and none was searched for on this one: the same search for every method was the aim, and was not made here for want of
-time on a GPU."""
+and none was searched for on this one: the same search for every method was the aim, and was not made
+here."""
 
 
 def searched(world: str) -> str:

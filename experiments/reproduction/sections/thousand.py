@@ -27,11 +27,11 @@ def thousand(results: Path) -> str:
         *("stay over 95 %", "since frames, median / last of these"),
     )
     said = f"""
-        {run.config.frames:,} frames of each of {many:,} seeds, all side by side in one program and on one GPU: training
+        {run.frames:,} frames of each of {many:,} seeds, all side by side in one program and on one GPU: training
         {time["training_seconds"]:.0f} s, {time["frames_per_second_all_seeds"]:,.0f} frames/s; compiling
         {time["compile_seconds"]:.0f} s, beside the pre-training; pre-training {time["pretraining_seconds"]:.0f} s.
         Settings are chosen on seeds from {FIRST_TUNING_SEED} on; of the {len(below)} below {sum(below)} are solved
-        ({rate(sum(below), len(below)).text()}). Every eighth iteration of the metrics is kept, and the last ones. It
-        fitted into the memory of an H200 without being trained in groups (`--run.seeds-at-once`),
-        so of groups on a GPU nothing is stored."""
+        ({rate(sum(below), len(below)).text()}). Every eighth iteration of the metrics is kept, and the last ones.
+        No size of groups was asked for (`--run.seeds-at-once`), and the run told of none: all seeds fitted into the
+        memory of the GPU. Of groups on a GPU nothing is stored."""
     return "\n\n".join((table(heading, [row]), paragraph(said), made_by([run])))
