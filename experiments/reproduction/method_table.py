@@ -55,11 +55,16 @@ def method_table(runs: Mapping[str, Stored], methods: Sequence[str] = tuple(METH
 def _water(runs: Mapping[str, Stored], name: str) -> str:
     """How many seeds of a run solved its task, and of the same training once more, whose parameters are kept."""
     first, again = (runs.get(one) for one in (name, again_name(name)))
-    if first is None or again is None:
-        return "-" if first is None else solved(first)
-    one, other = (run.metrics["discounted_return"] for run in (first, again))
-    same = one.shape == other.shape and np.array_equal(one, other, equal_nan=True)
-    return f"{solved(first)}, again {'the same training' if same else solved(again)}"
+    shown, repeated = ("-" if run is None else solved(run) for run in (first, again))
+    if first is not None and again is not None and shown == repeated and _same_training(first, again):
+        repeated = "the same training"
+    return shown if again is None else f"{shown}, again {repeated}"
+
+
+def _same_training(one: Stored, other: Stored) -> bool:
+    """Whether two runs had the same returns in every iteration: then the second one is no second result."""
+    returns, others = (run.metrics["discounted_return"] for run in (one, other))
+    return returns.shape == others.shape and np.array_equal(returns, others, equal_nan=True)
 
 
 def _encoder(method: Method) -> str:

@@ -63,12 +63,14 @@ def test_pauses_of_checkpoints_are_those_of_the_stored_runs():
     for file in RESULTS.rglob("status.json"):
         times = json.loads(file.read_text(encoding="utf-8")).get("all_sessions", {})
         if times.get("checkpoint_seconds") and times.get("training_seconds"):
-            shares[file.parent.name] = times["checkpoint_seconds"] / times["training_seconds"]
+            shares[file.parent.relative_to(RESULTS).as_posix()] = (
+                times["checkpoint_seconds"] / times["training_seconds"]
+            )
     over = {name: share for name, share in shares.items() if share > 0.05}
     said = speed.pauses(RESULTS)
     assert len(re.findall(r"`[^`]+` (\d\.\d) %", said)) == len(over) and len(shares) > 200
     assert f"{len(shares) - len(over)} stood still for checkpoints" in " ".join(said.split())
-    assert all(f"{name}` {100 * share:.1f} %" in " ".join(said.split()) for name, share in over.items())
+    assert all(f"`{name}` {100 * share:.1f} %" in " ".join(said.split()) for name, share in over.items())
 
 
 def test_environments_are_shown_as_they_were_measured(tmp_path):
