@@ -287,7 +287,7 @@ def test_a_pretraining_given_as_a_result_is_where_the_encoder_comes_from():
         (
             (ProbeEnv(), TASK, FakeConfig()),
             {"run": RunConfig(devices_per_seed=2)},
-            "this learner does not spread a seed, got run.devices_per_seed=2; .* PPO and DQN with several",
+            "this learner does not spread a seed, got run.devices_per_seed=2; .* PPO and DQN can spread a seed",
         ),
         ((ProbeEnv(), TASK, PPO), {"pretrained": "nowhere"}, "a code without parameters cannot be pre-trained"),
         ((ProbeEnv(), TASK, PPOConfig()), {"pretrained": "nowhere"}, "there is no folder"),
