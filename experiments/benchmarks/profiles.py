@@ -60,6 +60,9 @@ class Arguments:
     """Trainings as CONFIG, CONFIG:METHOD, CONFIG:METHOD:PHYSICS or CONFIG:METHOD:PHYSICS:ENVIRONMENTS."""
     seeds: int = 1
     """How many seeds at once."""
+    unroll_length: int | None = None
+    """Steps of an iteration, for a learner whose own would take the profiler too long; minibatches keep their size, so
+    that there are as many fewer of them."""
     repeats: int = 5
     """Iterations that are timed without the profiler; and as many with it, of which the median shares count."""
     json: Path | None = None
@@ -77,10 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.profiles", description=__doc__)
     json_file.check(arguments.json)
-    with quiet_imports():
-        from experiments.benchmarks.trainings import training
-    with explained():
-        configs = {text: replace(training(text), seeds=str(arguments.seeds)) for text in arguments.trainings}
+    with quiet_imports(), explained():
+        configs = {text: _config(text, arguments) for text in arguments.trainings}
     peaks = speeds(arguments.repeats)
     print(f"large products: {peaks['gigaflops']:,.0f} GFLOP/s, copies: {peaks['gigabytes']:,.0f} GB/s", flush=True)
     found = {}
@@ -94,6 +95,18 @@ def _main(texts: list[str]) -> int:
         json_file.store_so_far(arguments, "experiments.benchmarks.profiles", texts, peaks=peaks, profiles=found)
     json_file.store(arguments, "experiments.benchmarks.profiles", texts, peaks=peaks, profiles=found)
     return 0
+
+
+def _config(text: str, arguments: Arguments) -> Any:
+    from experiments.benchmarks.trainings import training
+
+    config = replace(training(text), seeds=str(arguments.seeds))
+    if arguments.unroll_length is None:
+        return config
+    try:
+        return replace(config, learner=replace(config.learner, unroll_length=arguments.unroll_length))
+    except ValueError as error:
+        raise UserError(f"{text}: {error}") from error
 
 
 def speeds(repeats: int) -> dict[str, float]:

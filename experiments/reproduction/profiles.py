@@ -40,13 +40,6 @@ LIKE = {
 """Configurations that are not profiled by their name, by the one whose program has the same parts."""
 
 
-TOO_LONG = "zone_ppo_published"
-
-NOT_PROFILED = f"""`{TOO_LONG}` was not profiled: an iteration of it plays 4,096 steps one after another, and the
-profiler was stopped after six minutes on a processor and after two on an H200, of which nothing is stored. Its parts
-are those of `zone_ppo`, but its windows are read otherwise and its batches are small, so that its shares differ."""
-
-
 def profiles(results: Path) -> str:
     """For every training that was profiled a table of its parts."""
     files = sorted(results.glob(FILES))
@@ -55,7 +48,7 @@ def profiles(results: Path) -> str:
     like = "; ".join(f"`{one}` like `{other}`" for one, other in LIKE.items())
     said = f"""
         Not profiled by their names are these configurations, whose programs have the same parts as another, in other
-        sizes or numbers: {like}. {NOT_PROFILED}"""
+        sizes or numbers: {like}."""
     return "\n\n".join([*(_profiled(read_json(file), file) for file in files), paragraph(said)])
 
 
@@ -71,6 +64,10 @@ def _profiled(stored: Mapping[str, Any], file: Path) -> str:
         profiler, times of as many without it. The floor of a part is the greater of its arithmetic at
         {peaks["gigaflops"]:,.0f} GFLOP/s and of the bytes that go in and out at {peaks["gigabytes"]:,.0f} GB/s, which
         large products and copies reach on the same device."""
+    if settings.get("unroll_length"):
+        said += f"""
+        An iteration has {settings["unroll_length"]} steps here, fewer than of a training, and as many fewer minibatches
+        of the same size: what is done once an iteration counts for more than in a training."""
     parts = [paragraph(f"{said} {stored.get('note', '')}")]
     for name, of in stored["profiles"].items():
         rate = of["frames"] / of["seconds"]
