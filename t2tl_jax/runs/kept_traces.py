@@ -1,4 +1,4 @@
-"""Which traced iteration on disk is that of a training: one of the same configuration, code, packages and hardware.
+"""Which traced program on disk is that of a training: one of the same configuration, code, packages and hardware.
 
 Only entry points turn this on (`use`), never the library. Nothing is kept where code of somebody else is loaded, such
 as a plugin: nothing here knows which files that is made of. Nor where a source has changed since it was imported.
@@ -24,7 +24,7 @@ from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.config_files import REGISTRIES
 from t2tl_jax.runs.differences import without_numbers
 from t2tl_jax.runs.given_env import GivenEnv
-from t2tl_jax.training import kept_trace
+from t2tl_jax.training.trace_file import SUFFIX
 
 OWN = ("t2tl_jax", "envs")
 """Packages whose every file counts."""
@@ -35,12 +35,12 @@ _folders: list[Path] = []
 
 
 def use(folder: Path | None) -> None:
-    """Keep traced iterations in a folder from now on; None for nowhere, as it is at first."""
+    """Keep traced programs in a folder from now on; None for nowhere, as it is at first."""
     _folders[:] = [] if folder is None else [folder]
 
 
 def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> Path | None:
-    """Where the iteration of a training is kept; None if it is not to be.
+    """Where the iteration of a training is kept, and beside it how it begins; None if it is not to be.
 
     Args:
         config: of the training.
@@ -69,7 +69,7 @@ def file_of(config: Config, table: TaskTable, arguments: Any, sharding: Any) -> 
         f"{structure} {sharding}",
         *(_form(x) for x in map(np.asarray, leaves)),
     )
-    return _folders[0] / f"{_digest(chr(0).join(parts).encode())[:32]}{kept_trace.SUFFIX}"
+    return _folders[0] / f"{_digest(chr(0).join(parts).encode())[:32]}{SUFFIX}"
 
 
 def is_own(config: Config) -> bool:

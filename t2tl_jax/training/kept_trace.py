@@ -1,38 +1,87 @@
-"""A traced iteration on disk: to read it takes a later start a fraction of the time that tracing takes.
+"""A traced training on disk: to read it takes a later start a fraction of the time that tracing takes.
 
-A file holds `iterate` as `jax.export` writes it, behind a line of JSON with the names of its metrics and a hash of
-both. What has to be the same for a file to be the right one is not known here but put into its name, see
-`runs/kept_traces.py`. Files are programs, like those of JAX's own cache: they are only ever read from a folder of the
-user's.
+How a run begins and its iteration are a file each (`trace_file.py`). They hold functions of arrays alone; beside them
+stands what the trees that they give are made of. What has to be the same for a file to be the right one is not known
+here but put into its name, see `runs/kept_traces.py`.
 """
 
-import hashlib
-import json
-import os
-import tempfile
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import jax
 from jax import export
 
+from t2tl_jax.training import trace_file, tree_names
 from t2tl_jax.training.types import EpisodeTotals, Metrics, TaskTotals
 
-SUFFIX = ".t2tl_trace"
-"""Of the files."""
-MOST_FILES = 100
-"""So many files are kept in a folder; the ones that were not used for longest go first."""
 SOON = 1.0
 """Seconds of tracing from which on it is kept, as JAX keeps what it compiles for as long."""
+
+KEY = "key"
+"""Stands for an array of keys where a state is described."""
 
 Known = tuple[export.Exported, Metrics]
 """An iteration, and metrics with anything in the place of their arrays."""
 
 
-def lowered(file: Path, iterate: Callable[..., Any], state: Any, env_params: Any, **placed: Any) -> Any:
+def beginning(
+    file: Path, init: Callable[..., Any], keys: Any, env_params: Any, **placed: Any
+) -> tuple[Any, Callable[[], Any]] | None:
+    """Shapes and dtypes of ``init(keys, env_params) -> state``, and a function that lowers it: from a file, which is
+    written by that function if it is missing or damaged. None for what no file can hold.
+
+    Args:
+        file: where it is kept.
+        init: of all seeds.
+        keys, env_params: arrays, or shapes and dtypes.
+        **placed: ``in_shardings`` and ``out_shardings``, where there are several devices.
+    """
+    if not _has_usual_keys((keys, env_params)):
+        return None
+    begin = time.monotonic()
+    known = _read_init(file)
+    if known is not None:
+        exported, state = known
+        return state, lambda: _lowered_init(exported, state, keys, env_params, placed)
+    found: list[Any] = []
+
+    def flat(key_arrays: list[jax.Array], params_arrays: list[jax.Array]) -> list[jax.Array]:
+        state = init(_tree(key_arrays, keys), _tree(params_arrays, env_params))
+        found[:] = [jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), state)]
+        return _flat(state)
+
+    function = jax.jit(flat, **_flat_placed(placed, env_params))
+    arrays = [jax.eval_shape(_flat, tree) for tree in (keys, env_params)]
+    function.trace(*arrays)  # `export` below finds it traced
+    (state,) = found
+    seconds = time.monotonic() - begin
+    about = tree_names.described(state, lambda x: KEY if _is_key(x) else tree_names.LEAF)
+    if about is None or not _has_usual_keys(state):
+        return None
+
+    def lower() -> Any:
+        again = time.monotonic()
+        try:
+            exported = export.export(function)(*arrays)
+        except (ValueError, NotImplementedError):
+            return jax.jit(init, **placed).lower(keys, env_params)
+        if seconds + time.monotonic() - again >= SOON:
+            trace_file.write(file, exported, {"state": about})
+        return _lowered_init(exported, state, keys, env_params, placed)
+
+    return state, lower
+
+
+def _lowered_init(exported: export.Exported, state: Any, keys: Any, env_params: Any, placed: dict[str, Any]) -> Any:
+    def call(keys: Any, env_params: Any) -> Any:
+        return _tree(exported.call(_flat(keys), _flat(env_params)), state)
+
+    return jax.jit(call, **placed).lower(keys, env_params)
+
+
+def iteration(file: Path, iterate: Callable[..., Any], state: Any, env_params: Any, **placed: Any) -> Any:
     """``iterate(state, env_params) -> (state, Metrics)``, ready to compile: from a file, which is written if it is
     missing or damaged. The given state's memory is reused. None for what no file can hold.
 
@@ -42,9 +91,9 @@ def lowered(file: Path, iterate: Callable[..., Any], state: Any, env_params: Any
         state, env_params: arrays, or shapes and dtypes.
         **placed: ``in_shardings`` and ``out_shardings``, where there are several devices.
     """
-    if not all(x.dtype == jax.random.key(0).dtype for x in jax.tree.leaves((state, env_params)) if _is_key(x)):
+    if not _has_usual_keys((state, env_params)):
         return None
-    known = _read(file) or _traced(file, iterate, state, env_params, placed)
+    known = _read_iterate(file) or _traced(file, iterate, state, env_params, placed)
     if known is None:
         return None
     exported, metrics = known
@@ -67,12 +116,9 @@ def _traced(
         structures[:] = [jax.tree.structure(found)]
         return _flat(found)
 
-    if placed:
-        whole, of_params = placed["in_shardings"]
-        placed = placed | {"in_shardings": (whole, jax.tree.leaves(jax.tree.broadcast(of_params, env_params)))}
     arrays = [jax.eval_shape(_flat, tree) for tree in (state, env_params)]
     try:
-        exported = export.export(jax.jit(flat, **placed))(*arrays)
+        exported = export.export(jax.jit(flat, **_flat_placed(placed, env_params)))(*arrays)
     except (ValueError, NotImplementedError):  # of tracing itself too, which then says so without this
         return None
     metrics = jax.tree.unflatten(structures[0], exported.out_avals)[1]
@@ -82,8 +128,16 @@ def _traced(
     if not same or structures[0] != jax.tree.structure((state, like)):
         return None  # a state that changes its form, which whoever traces it tells
     if time.monotonic() - begin >= SOON:
-        _write(file, exported, like)
+        trace_file.write(file, exported, {"scalars": sorted(like.scalars), "tasks": like.tasks is not None})
     return exported, like
+
+
+def _flat_placed(placed: dict[str, Any], env_params: Any) -> dict[str, Any]:
+    """The same placement for a function of lists of arrays."""
+    if not placed:
+        return {}
+    whole, of_params = placed["in_shardings"]
+    return placed | {"in_shardings": (whole, jax.tree.leaves(jax.tree.broadcast(of_params, env_params)))}
 
 
 def _metrics(scalars: list[str], tasks: bool) -> Metrics:
@@ -92,41 +146,36 @@ def _metrics(scalars: list[str], tasks: bool) -> Metrics:
     return Metrics(totals, dict.fromkeys(scalars, 0), TaskTotals(0, 0) if tasks else None)  # type: ignore[arg-type]
 
 
-def _write(file: Path, exported: export.Exported, metrics: Metrics) -> None:
-    """Write the file, whole or not at all; a disk that does not take it is no reason to stop."""
-    names = {"scalars": sorted(metrics.scalars), "tasks": metrics.tasks is not None}
-    new = None
+def _read_iterate(file: Path) -> Known | None:
+    """The iteration that the file holds; None if it is not there or not whole."""
     try:
-        body = bytes(exported.serialize())
-        about = json.dumps(names | {"sha256": _hash(names, body)}).encode()
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".tmp", delete=False) as new:
-            new.write(about + b"\n" + body)
-        os.replace(new.name, file)
-        for old in sorted(file.parent.glob(f"*{SUFFIX}"), key=lambda one: one.stat().st_mtime)[:-MOST_FILES]:
-            old.unlink(missing_ok=True)
-    except (OSError, ImportError):  # the second without flatbuffers
-        if new is not None:
-            Path(new.name).unlink(missing_ok=True)
-
-
-def _hash(names: dict[str, Any], body: bytes) -> str:
-    return hashlib.sha256(json.dumps(names, sort_keys=True).encode() + body).hexdigest()
-
-
-def _read(file: Path) -> Known | None:
-    """What the file holds; None if it is not there or not whole."""
-    try:
-        about, _, body = file.read_bytes().partition(b"\n")
-        names = json.loads(about)
-        if names.pop("sha256") != _hash(names, body):
-            return None
-        found = export.deserialize(bytearray(body)), _metrics(names["scalars"], names["tasks"])
-    except (OSError, ImportError, ValueError, KeyError, TypeError, AttributeError):
+        exported, about = trace_file.read(file)
+        return exported, _metrics(about["scalars"], about["tasks"])
+    except trace_file.NOT_WHOLE:
         return None
-    with suppress(OSError):  # a folder that is only read
-        os.utime(file)
-    return found
+
+
+def _read_init(file: Path) -> tuple[export.Exported, Any] | None:
+    """How a run begins, and the shapes and dtypes of its state; None if the file is not there or not whole."""
+    try:
+        exported, about = trace_file.read(file)
+        kinds, structure = jax.tree.flatten(tree_names.like(about["state"], str))
+        arrays = zip(kinds, exported.out_avals, strict=True)
+        return exported, jax.tree.unflatten(structure, [_shape(x, kind == KEY) for kind, x in arrays])
+    except trace_file.NOT_WHOLE:
+        return None
+
+
+def _shape(numbers: Any, of_keys: bool) -> jax.ShapeDtypeStruct:
+    """Of an array, or of the keys that are made of its numbers."""
+    if not of_keys:
+        return jax.ShapeDtypeStruct(numbers.shape, numbers.dtype)
+    return jax.eval_shape(jax.random.wrap_key_data, jax.ShapeDtypeStruct(numbers.shape, numbers.dtype))
+
+
+def _has_usual_keys(tree: Any) -> bool:
+    """Whether all keys are of JAX's usual kind."""
+    return all(x.dtype == jax.random.key(0).dtype for x in jax.tree.leaves(tree) if _is_key(x))
 
 
 def _is_key(x: Any) -> bool:

@@ -127,7 +127,7 @@ def trace(
         env_params: of `params_of_seeds`.
         restartable: whether the tasks are to change during training.
         sharding: placement of the seeds, of `seed_sharding`; None for a single device.
-        kept: file that holds `iterate` as it was traced before, or is to; None for neither.
+        kept: file that holds `iterate` as it was traced before, or is to, with `init` beside it; None for neither.
 
     Raises:
         TypeError: if ``agent.iterate`` returns a state of other shapes or dtypes than it was given.
@@ -153,16 +153,25 @@ def trace(
     def meshed() -> Any:
         return nullcontext() if sharding is None else jax.set_mesh(sharding.mesh)  # type: ignore[arg-type]
 
+    def beginning() -> tuple[Any, Callable[[], Any]]:
+        """Shapes and dtypes of the state, and what lowers `init`."""
+        init = of_seeds(lambda key, env_params: _strongly_typed(agent.init(key, env_params)))
+        if kept is not None:
+            found = kept_trace.beginning(kept.with_stem(f"{kept.stem}_init"), init, keys, env_params, **placed)
+            if found is not None:
+                return found
+        traced = jax.jit(init, **placed).trace(keys, env_params)
+        return _shapes(traced.out_info), traced.lower
+
     def lowered_init() -> Any:
         with meshed():
-            return init.lower()
+            return lower_init()
 
     with meshed():
-        begin = jax.jit(of_seeds(lambda key, env_params: _strongly_typed(agent.init(key, env_params))), **placed)
-        init = begin.trace(keys, env_params)
-        state, lowered_iterate = _shapes(init.out_info), None
+        state, lower_init = beginning()
+        lowered_iterate = None
         if kept is not None:
-            lowered_iterate = kept_trace.lowered(kept, of_seeds(agent.iterate), state, env_params, **placed)
+            lowered_iterate = kept_trace.iteration(kept, of_seeds(agent.iterate), state, env_params, **placed)
         if lowered_iterate is None:
             lowered_iterate = lowered(agent.iterate, state, env_params)
         _require_same("iterate", state, _shapes(lowered_iterate.out_info[0]))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from envs.zones import ZoneEnv
+from experiments.benchmarks.trainings import training
 from experiments.cli import compilation_cache, plugins
 from t2tl_jax import loaded, registry
 from t2tl_jax.agents.ppo_config import PPOConfig
@@ -19,7 +20,9 @@ from t2tl_jax.runs import kept_traces
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.given_env import GivenEnv
 from t2tl_jax.single_state import SingleStateConfig
-from t2tl_jax.training import kept_trace
+from t2tl_jax.training import kept_trace, trace_file, tree_names
+from t2tl_jax.training.program import OVER_SEEDS
+from t2tl_jax.training.seeds import TRAINING, stream_keys
 from tests.fake_learner import FakeEnvConfig
 
 SMALL = PPOConfig(
@@ -61,7 +64,7 @@ def test_what_the_program_does_not_depend_on_has_the_same_file(config, kept):
         {"learner": replace(SMALL, learning_rate=1e-3, discount=0.9)},
     ]
     assert {file_of(replace(config, **change)) for change in same} == {file_of(config)}
-    assert file_of(config).parent == kept and file_of(config).suffix == kept_trace.SUFFIX
+    assert file_of(config).parent == kept and file_of(config).suffix == trace_file.SUFFIX
 
 
 def test_all_else_has_another(config, kept):
@@ -161,6 +164,15 @@ def test_nor_is_anything_beside_modules_of_others(config, kept, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("text", ["zone_ppo", "waterworld_dqn:t2tl", "zones_any"])
+def test_how_a_training_begins_can_be_kept(text):
+    experiment = build(replace(training(text), seeds="1,"))
+    init = jax.vmap(experiment.agent.init, in_axes=(0, OVER_SEEDS))
+    state = jax.eval_shape(init, stream_keys((1,), TRAINING), experiment.env_params("training"))
+    assert tree_names.described(state) is not None
+
+
+@pytest.mark.slow
 def test_a_kept_training_is_the_same_bit_for_bit(config, kept, monkeypatch):
     monkeypatch.setattr(kept_trace, "SOON", 0.0)
     network = replace(SMALL.network, actor_layers=(), critic_layers=())
@@ -173,7 +185,7 @@ def test_a_kept_training_is_the_same_bit_for_bit(config, kept, monkeypatch):
         return [np.asarray(x) for x in jax.tree.leaves((state.params, metrics))]
 
     written, read = trained(), trained()
-    assert len(list(kept.iterdir())) == 1
+    assert len(list(kept.iterdir())) == 2
     kept_traces.use(None)
     plain = trained()
     for one in (written, read):

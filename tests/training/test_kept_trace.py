@@ -9,7 +9,7 @@ from flax import struct
 from envs.zones import ZoneConfig, ZoneEnv
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training import kept_trace
+from t2tl_jax.training import kept_trace, trace_file
 from t2tl_jax.training.program import params_of_seeds, trace
 from t2tl_jax.training.types import Metrics
 from tests.four_devices import run_on_four_devices
@@ -23,8 +23,12 @@ class State:
 
 
 def drawing(traced=lambda: None):
-    """A learner that adds what it draws; `traced` is told whenever its iteration is traced."""
+    """A learner that adds what it draws; `traced` is told whenever its iteration or its beginning is traced."""
     whole = counting()
+
+    def init(key, env_params):
+        traced()
+        return State(jax.random.uniform(key), key)
 
     def iterate(state, env_params):
         traced()
@@ -35,7 +39,7 @@ def drawing(traced=lambda: None):
             scalars={"drawn": drawn, "a": drawn}
         )
 
-    return whole._replace(init=lambda key, env_params: State(jnp.float32(0), key), iterate=iterate)
+    return whole._replace(init=init, iterate=iterate)
 
 
 @pytest.fixture(scope="module")
@@ -55,16 +59,18 @@ def trained(agent, env, file, iterations=3):
     state, iterate = program.lowered_init.compile()(program.keys, program.env_params), program.lowered_iterate.compile()
     for _ in range(iterations):
         state, metrics = iterate(state, program.env_params)
-    return jax.tree.map(np.asarray, (state.params, jax.random.key_data(state.key), metrics))
+    return jax.tree.map(np.asarray, (state.params, jax.random.key_data(state.key), metrics)), program.state
 
 
-def more_names(content):
-    return content.replace(b'"drawn"', b'"drawn", "more"', 1)
+def another_structure(content):
+    """One more name of the metrics; keys in the place of other numbers of the state."""
+    return content.replace(b'"drawn"', b'"drawn", "more"', 1).replace(b'"*"', b'"key"', 1)
 
 
 def equal(one, other):
-    assert jax.tree.structure(one) == jax.tree.structure(other)
-    jax.tree.map(np.testing.assert_array_equal, one, other)
+    """Numbers, and shapes and dtypes of the state."""
+    assert jax.tree.structure(one[0]) == jax.tree.structure(other[0]) and one[1] == other[1]
+    jax.tree.map(np.testing.assert_array_equal, one[0], other[0])
     return True
 
 
@@ -76,25 +82,34 @@ def test_what_was_kept_is_not_traced_again_and_trains_the_same(env, tmp_path):
     assert equal(trained(agent, env, file), plain) and times and file.is_file()
     del times[:]
     assert equal(trained(agent, env, file), plain) and not times
-    assert isinstance(plain[2], Metrics) and [one.name for one in tmp_path.iterdir()] == ["a.trace"]
+    assert isinstance(plain[0][2], Metrics)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.trace", "a_init.trace"]
 
 
+@pytest.mark.parametrize("name", ["a.trace", "a_init.trace"])
 @pytest.mark.parametrize(
-    "damage", [lambda x: x[:-1], lambda x: b"", lambda x: b"{}\n" + x, lambda x: b"[1]\n", bytes.upper, more_names]
+    "damage",
+    [lambda x: x[:-1], lambda x: b"", lambda x: b"{}\n" + x, lambda x: b"[1]\n", bytes.upper, another_structure],
 )
-def test_a_damaged_file_is_written_anew(env, tmp_path, damage):
-    file = tmp_path / "a.trace"
-    trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=file)
-    whole = file.read_bytes()
-    file.write_bytes(damage(whole))
+def test_a_damaged_file_is_written_anew(env, tmp_path, name, damage):
     times = []
-    trace(drawing(lambda: times.append(1)), (0,), params_of_seeds(env, (0,)), kept=file)
-    assert times and len(file.read_bytes()) == len(whole)
+
+    def start():
+        agent = drawing(lambda: times.append(1))
+        trace(agent, (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace").lowered_init.lower()
+
+    start()
+    assert len(times) == 2
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(damage(whole))
+    start()
+    assert len(times) == 3 and len((tmp_path / name).read_bytes()) == len(whole)
 
 
 def test_a_quick_trace_is_not_kept(env, tmp_path, monkeypatch):
     monkeypatch.setattr(kept_trace, "SOON", 60.0)
-    assert trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace").lowered_iterate
+    program = trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace")
+    assert program.lowered_iterate and program.lowered_init.lower()
     assert not list(tmp_path.iterdir())
 
 
@@ -102,7 +117,7 @@ def test_a_full_disk_is_no_reason_to_stop_and_leaves_nothing(env, tmp_path, monk
     def full(*_):
         raise OSError("the disk is full")
 
-    monkeypatch.setattr(kept_trace.os, "replace", full)
+    monkeypatch.setattr(trace_file.os, "replace", full)
     assert trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace").lowered_iterate
     assert not list(tmp_path.iterdir())
 
@@ -113,12 +128,22 @@ def test_a_folder_that_cannot_be_written_is_no_reason_to_stop(env, tmp_path):
 
 
 def test_only_so_many_are_kept(env, tmp_path, monkeypatch):
-    monkeypatch.setattr(kept_trace, "MOST_FILES", 2)
+    monkeypatch.setattr(trace_file, "MOST_FILES", 2)
     (tmp_path / "of_somebody.trace").touch()
     for name in "abc":
-        trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / f"{name}{kept_trace.SUFFIX}")
-    assert len(list(tmp_path.iterdir())) == 3 and (tmp_path / f"c{kept_trace.SUFFIX}").is_file()
+        trace(drawing(), (0,), params_of_seeds(env, (0,)), kept=tmp_path / f"{name}{trace_file.SUFFIX}")
+    assert len(list(tmp_path.iterdir())) == 3 and (tmp_path / f"c{trace_file.SUFFIX}").is_file()
     assert (tmp_path / "of_somebody.trace").is_file()
+
+
+def test_what_cannot_be_exported_trains_as_ever(env, tmp_path, monkeypatch):
+    plain = trained(drawing(), env, None)
+
+    def refused(function):
+        raise NotImplementedError("of a kind that cannot be written")
+
+    monkeypatch.setattr(kept_trace.export, "export", refused)
+    assert equal(trained(drawing(), env, tmp_path / "a.trace"), plain) and not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("to", [np.zeros(2, np.float32), np.float16(0), ()])
@@ -131,12 +156,13 @@ def test_a_state_that_changes_its_form_is_told_as_ever(env, tmp_path, to):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_mistake_of_the_learner_is_told_as_ever(env, tmp_path):
-    def wrong(state, env_params):
+@pytest.mark.parametrize("function", ["init", "iterate"])
+def test_a_mistake_of_the_learner_is_told_as_ever(env, tmp_path, function):
+    def wrong(key_or_state, env_params):
         raise ValueError("this learner has a fault")
 
     with pytest.raises(ValueError, match="this learner has a fault"):
-        trace(counting(iterate=wrong), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace")
+        trace(counting()._replace(**{function: wrong}), (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace")
 
 
 @pytest.mark.slow
@@ -148,7 +174,7 @@ from tests.training.test_kept_trace import drawing
 from envs.zones import ZoneConfig, ZoneEnv
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
-from t2tl_jax.training import kept_trace
+from t2tl_jax.training import kept_trace, trace_file
 from t2tl_jax.training.program import params_of_seeds, trace
 from t2tl_jax.training.devices import seed_sharding
 kept_trace.SOON = 0.0
