@@ -62,7 +62,7 @@ class Arguments:
     """How many seeds at once."""
     unroll_length: int | None = None
     """Steps of an iteration, for a learner whose own would take the profiler too long; minibatches keep their size, so
-    that there are as many fewer of them."""
+    that there are proportionally fewer of them."""
     repeats: int = 5
     """Iterations that are timed without the profiler; and as many with it, of which the median shares count."""
     json: Path | None = None
@@ -103,6 +103,10 @@ def _config(text: str, arguments: Arguments) -> Any:
     config = replace(training(text), seeds=str(arguments.seeds))
     if arguments.unroll_length is None:
         return config
+    if arguments.unroll_length > (most := config.learner.unroll_length):
+        raise UserError(
+            f"{text}: unroll_length may make iterations shorter, of {most} steps at most, got {arguments.unroll_length}"
+        )
     try:
         return replace(config, learner=replace(config.learner, unroll_length=arguments.unroll_length))
     except ValueError as error:

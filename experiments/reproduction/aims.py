@@ -77,10 +77,11 @@ is reached where every benchmark and every start that is stored is within it, si
 the host and what else it does. Compiling does not count tracing, which the tables above show beside it. Trainings
 that began beside others on a GPU compiled for longer; their seconds are on the page of [results](results.md). A
 start is a whole process that trains for one iteration, without pre-training (`python -m
-experiments.benchmarks.starts`). A second one finds compiled programs on disk, which JAX keeps, and the iteration as
-it was traced, which this project keeps beside them ([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is
-loading Python's modules, finding the GPU, tracing how a run begins, and reading compiled programs. The aim was set
-when JAX's compiled programs were all that was there. Starts with kept traces decide where there are some; all that
+experiments.benchmarks.starts`). A second one finds compiled programs on disk, which JAX keeps, and those that were
+traced, which this project keeps beside them ([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is loading
+Python's modules, finding the GPU, and reading programs; but the starts on GPUs were measured when only the iteration
+was kept, and how a run begins was traced anew. The aim was set when JAX's compiled programs were all that was there.
+Starts with kept traces decide where there are some; all that
 are stored are in the second table. With and without are of different hosts and commits, but for those of the
 processor."""
 

@@ -66,8 +66,9 @@ def _profiled(stored: Mapping[str, Any], file: Path) -> str:
         large products and copies reach on the same device."""
     if settings.get("unroll_length"):
         said += f"""
-        An iteration has {settings["unroll_length"]} steps here, fewer than of a training, and as many fewer minibatches
-        of the same size: what is done once an iteration counts for more than in a training."""
+        Iterations are of {settings["unroll_length"]} steps instead of the configuration's own number, and what learns
+        by minibatches has proportionally fewer of the same size: what is done once an iteration counts for more than in
+        a training."""
     parts = [paragraph(f"{said} {stored.get('note', '')}")]
     for name, of in stored["profiles"].items():
         rate = of["frames"] / of["seconds"]

@@ -6,7 +6,7 @@ here but put into its name, see `runs/kept_traces.py`.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,63 +22,62 @@ SOON = 1.0
 KEY = "key"
 """Stands for an array of keys where a state is described."""
 
+CALLS = frozenset(
+    ("qr", "geqrf", "householder_product", "cholesky", "lu", "svd", "eig", "eigh", "triangular_solve", "ffi_call")
+)
+"""Operations that call functions of the process, for which `trace_file.write` would write nothing: to find that out
+takes longer."""
+
 Known = tuple[export.Exported, Metrics]
 """An iteration, and metrics with anything in the place of their arrays."""
 
 
-def beginning(
-    file: Path, init: Callable[..., Any], keys: Any, env_params: Any, **placed: Any
-) -> tuple[Any, Callable[[], Any]] | None:
+def beginning(file: Path, init: Any, keys: Any, env_params: Any, **placed: Any) -> tuple[Any, Callable[[], Any]] | None:
     """Shapes and dtypes of ``init(keys, env_params) -> state``, and a function that lowers it: from a file, which is
-    written by that function if it is missing or damaged. None for what no file can hold.
+    written if it is missing or damaged. None for what no file can hold.
 
     Args:
         file: where it is kept.
-        init: of all seeds.
+        init: of all seeds, jitted.
         keys, env_params: arrays, or shapes and dtypes.
         **placed: ``in_shardings`` and ``out_shardings``, where there are several devices.
     """
     if not _has_usual_keys((keys, env_params)):
         return None
-    begin = time.monotonic()
-    known = _read_init(file)
-    if known is not None:
-        exported, state = known
-        return state, lambda: _lowered_init(exported, state, keys, env_params, placed)
-    found: list[Any] = []
-
-    def flat(key_arrays: list[jax.Array], params_arrays: list[jax.Array]) -> list[jax.Array]:
-        state = init(_tree(key_arrays, keys), _tree(params_arrays, env_params))
-        found[:] = [jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), state)]
-        return _flat(state)
-
-    function = jax.jit(flat, **_flat_placed(placed, env_params))
-    arrays = [jax.eval_shape(_flat, tree) for tree in (keys, env_params)]
-    function.trace(*arrays)  # `export` below finds it traced
-    (state,) = found
-    seconds = time.monotonic() - begin
-    about = tree_names.described(state, lambda x: KEY if _is_key(x) else tree_names.LEAF)
-    if about is None or not _has_usual_keys(state):
+    known = _read_init(file) or _traced_init(file, init, keys, env_params, placed)
+    if known is None:
         return None
+    exported, state = known
 
-    def lower() -> Any:
-        again = time.monotonic()
-        try:
-            exported = export.export(function)(*arrays)
-        except (ValueError, NotImplementedError):
-            return jax.jit(init, **placed).lower(keys, env_params)
-        if seconds + time.monotonic() - again >= SOON:
-            trace_file.write(file, exported, {"state": about})
-        return _lowered_init(exported, state, keys, env_params, placed)
-
-    return state, lower
-
-
-def _lowered_init(exported: export.Exported, state: Any, keys: Any, env_params: Any, placed: dict[str, Any]) -> Any:
     def call(keys: Any, env_params: Any) -> Any:
         return _tree(exported.call(_flat(keys), _flat(env_params)), state)
 
-    return jax.jit(call, **placed).lower(keys, env_params)
+    return state, lambda: jax.jit(call, **placed).lower(keys, env_params)
+
+
+def _traced_init(
+    file: Path, init: Any, keys: Any, env_params: Any, placed: dict[str, Any]
+) -> tuple[export.Exported, Any] | None:
+    """How a run begins, which is also written to the file if that saves some time; None if it cannot be. It is all done
+    here, since settings of JAX may hold for this thread alone."""
+    begin = time.monotonic()
+    traced = init.trace(keys, env_params)
+    state = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), traced.out_info)
+    about = tree_names.described(state, lambda x: KEY if _is_key(x) else tree_names.LEAF)
+    if about is None or not _has_usual_keys(state) or not CALLS.isdisjoint(_operations(traced.jaxpr.jaxpr)):
+        return None
+
+    def flat(key_arrays: list[jax.Array], params_arrays: list[jax.Array]) -> list[jax.Array]:
+        return _flat(init(_tree(key_arrays, keys), _tree(params_arrays, env_params)))  # which was traced above
+
+    arrays = [jax.eval_shape(_flat, tree) for tree in (keys, env_params)]
+    try:
+        exported = export.export(jax.jit(flat, **_flat_placed(placed, env_params)))(*arrays)
+    except (ValueError, NotImplementedError):
+        return None
+    if time.monotonic() - begin >= SOON:
+        trace_file.write(file, exported, {"state": about})
+    return exported, state
 
 
 def iteration(file: Path, iterate: Callable[..., Any], state: Any, env_params: Any, **placed: Any) -> Any:
@@ -138,6 +137,16 @@ def _flat_placed(placed: dict[str, Any], env_params: Any) -> dict[str, Any]:
         return {}
     whole, of_params = placed["in_shardings"]
     return placed | {"in_shardings": (whole, jax.tree.leaves(jax.tree.broadcast(of_params, env_params)))}
+
+
+def _operations(jaxpr: Any) -> Iterator[str]:
+    """Names of all operations of a traced function, and of those that are inside of others."""
+    for equation in jaxpr.eqns:
+        yield equation.primitive.name
+        for value in jax.tree.leaves(equation.params, is_leaf=lambda x: hasattr(x, "jaxpr") or hasattr(x, "eqns")):
+            inner = getattr(value, "jaxpr", value)
+            if hasattr(inner, "eqns"):
+                yield from _operations(inner)
 
 
 def _metrics(scalars: list[str], tasks: bool) -> Metrics:

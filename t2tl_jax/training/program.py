@@ -155,12 +155,12 @@ def trace(
 
     def beginning() -> tuple[Any, Callable[[], Any]]:
         """Shapes and dtypes of the state, and what lowers `init`."""
-        init = of_seeds(lambda key, env_params: _strongly_typed(agent.init(key, env_params)))
+        init = jax.jit(of_seeds(lambda key, env_params: _strongly_typed(agent.init(key, env_params))), **placed)
         if kept is not None:
             found = kept_trace.beginning(kept.with_stem(f"{kept.stem}_init"), init, keys, env_params, **placed)
             if found is not None:
                 return found
-        traced = jax.jit(init, **placed).trace(keys, env_params)
+        traced = init.trace(keys, env_params)
         return _shapes(traced.out_info), traced.lower
 
     def lowered_init() -> Any:

@@ -23,8 +23,9 @@ def described(tree: Any, leaf: Callable[[Any], str] = lambda x: LEAF) -> Any:
     """
     try:
         found = _described(tree, leaf)
-        again: Any = jax.tree.structure(like(found, lambda said: 0))
-    except (TypeError, KeyError):
+        # No field that is none of the tree's can hold the same as what stands for an array here.
+        again: Any = jax.tree.structure(like(found, lambda said: object()))
+    except (TypeError, KeyError, ValueError, AttributeError):  # the last two of a class that checks what it is given
         return None
     return found if again == jax.tree.structure(tree) else None
 
@@ -39,6 +40,7 @@ def like(description: Any, leaf: Callable[[str], Any]) -> Any:
     Raises:
         TypeError: for what is no such description.
         ValueError: likewise.
+        AttributeError: likewise.
         KeyError: for a class that is not loaded, or that is none of named tuples and dataclasses.
     """
     if description is None or isinstance(description, str):

@@ -123,12 +123,19 @@ def test_the_command_finds_where_the_time_goes(tmp_path, monkeypatch):
     assert sum(shares.values()) == pytest.approx(1, abs=1e-6) and shares[REST] < 0.3
     assert shares["learning: state and heads"] > 0.1
     page = profiles.profiles(tmp_path)
-    assert "learning: state and heads" in page and "100 GFLOP/s" in page and "has 64 steps here" in page
+    assert "learning: state and heads" in page and "100 GFLOP/s" in page and "Iterations are of 64 steps" in page
 
 
-def test_an_iteration_of_no_whole_number_of_minibatches_is_refused(capsys):
-    assert benchmark.main(["--trainings", "zone_ppo_published", "--unroll-length", "100"]) == 2
-    assert "zone_ppo_published: minibatch_size must divide num_envs x unroll_length" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        ("100", "zone_ppo_published: minibatch_size must divide num_envs x unroll_length"),
+        ("8192", "zone_ppo_published: unroll_length may make iterations shorter, of 4096 steps at most, got 8192"),
+    ],
+)
+def test_an_iteration_of_another_length_fits_the_learner(capsys, steps, said):
+    assert benchmark.main(["--trainings", "zone_ppo_published", "--unroll-length", steps]) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_the_page_sets_parts_against_their_floor(tmp_path):

@@ -165,7 +165,7 @@ def test_nor_is_anything_beside_modules_of_others(config, kept, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("text", ["zone_ppo", "waterworld_dqn:t2tl", "zones_any"])
-def test_how_a_training_begins_can_be_kept(text):
+def test_the_state_of_a_training_can_be_described(text):
     experiment = build(replace(training(text), seeds="1,"))
     init = jax.vmap(experiment.agent.init, in_axes=(0, OVER_SEEDS))
     state = jax.eval_shape(init, stream_keys((1,), TRAINING), experiment.env_params("training"))

@@ -75,11 +75,12 @@ def test_a_state_that_changes_shape_is_refused(env):
         trace(counting(iterate=grows), (0,), params_of_seeds(env, (0,)))
 
 
-def test_what_is_lowered_later_is_what_was_traced(env):
+@pytest.mark.parametrize("kept", [False, True])
+def test_what_is_lowered_later_is_what_was_traced(env, kept, tmp_path):
     """In another thread, where the settings of this one do not hold."""
     agent = counting(init=lambda key, env_params: State(jnp.float64(1) * env_params.env.starts[0, 0]))
     with jax.enable_x64(True):
-        program = trace(agent, (0,), params_of_seeds(env, (0,)))
+        program = trace(agent, (0,), params_of_seeds(env, (0,)), kept=tmp_path / "a.trace" if kept else None)
     with ThreadPoolExecutor() as threads:
         init = threads.submit(program.lowered_init.compile).result()
     assert program.state.params.dtype == init(program.keys, program.env_params).params.dtype == np.float64

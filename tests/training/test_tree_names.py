@@ -24,7 +24,20 @@ class Held:
 @struct.dataclass
 class Marked:
     a: Any
-    mark: str = struct.field(pytree_node=False, default="")
+    mark: Any = struct.field(pytree_node=False, default="")
+
+
+@struct.dataclass
+class Checked:
+    a: Any
+
+    def __post_init__(self):
+        assert_positive(self.a.size)
+
+
+def assert_positive(size):
+    if size < 1:
+        raise ValueError(size)
 
 
 @chex.dataclass(frozen=True)
@@ -71,7 +84,16 @@ def test_what_is_said_of_a_leaf_is_found_at_its_place():
     assert jax.tree.map(lambda x: x.size, tree) == found
 
 
-@pytest.mark.parametrize("tree", [{1: jnp.ones(2)}, [Marked(jnp.ones(2), "x")], Pair(collections.OrderedDict(b=0), 0)])
+@pytest.mark.parametrize(
+    "tree",
+    [
+        {1: jnp.ones(2)},
+        [Marked(jnp.ones(2), "x")],
+        Marked(jnp.ones(2), 0),
+        Pair(collections.OrderedDict(b=0), 0),
+        Checked(jnp.ones(2)),
+    ],
+)
 def test_what_cannot_be_said_is_not(tree):
     assert described(tree) is None
 
