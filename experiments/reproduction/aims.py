@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from experiments.benchmarks import measured
 from experiments.reproduction.page import origin, paragraph, table
@@ -68,6 +69,8 @@ AIMS = (
 
 KEPT = "kept traces"
 """Whether a start found, or left, traced programs on disk beside the compiled ones."""
+HOST = "processor"
+"""The kind of CPU of the machine of a start."""
 STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 """Of `experiments.benchmarks.starts`, among the results; and of the same and a benchmark under
 ``XLA_FLAGS=--xla_gpu_enable_triton_gemm=false``."""
@@ -81,9 +84,8 @@ experiments.benchmarks.starts`). A second one finds compiled programs on disk, w
 traced, which this project keeps beside them ([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is loading
 Python's modules, finding the GPU, and reading programs; but the starts on GPUs were measured when only the iteration
 was kept, and how a run begins was traced anew. The aim was set when JAX's compiled programs were all that was there.
-Starts with kept traces decide where there are some; all that
-are stored are in the second table. With and without are of different hosts and commits, but for those of the
-processor."""
+Starts with kept traces decide where there are some; all that are stored are in the second table. On GPUs, those with
+and without are of different hosts and commits."""
 
 LAYERS = """Most of T1TL's compiling is the choice of a kernel for each matrix product, most of them of the task's
 Transformer, whose four layers are written out. Two trials, of which no figures are stored, were no way out: layers in a
@@ -119,22 +121,25 @@ def aims(results: Path) -> str:
 
 
 def _both_starts(begun: Mapping["Key", Sequence["Starts"]]) -> str:
-    """Every pair of starts that is stored, with kept traces or without."""
+    """Every pair of starts that is stored, with kept traces or without; a row for each kind of processor on CPUs."""
     rows = []
     for (devices, what, size), pairs in begun.items():
-        for kept in (True, False):
-            some = [pair for pair in pairs if pair["first"][KEPT] == kept and "second" in pair]
-            if some:
-                seconds = [", ".join(f"{pair[which]['process']:.1f}" for pair in some) for which in ("first", "second")]
-                hardware = HARDWARE.get(devices, ", ".join(devices))
-                rows.append((f"`{what}`", size, hardware, "kept" if kept else "not kept", *(f"{s} s" for s in seconds)))
+        hardware = HARDWARE.get(devices, ", ".join(devices))
+        groups: dict[tuple[str, str], list[Starts]] = {}
+        for pair in pairs:
+            if "second" in pair:
+                where = f"{hardware}, {pair['first'][HOST]}" if hardware.startswith("CPU") else hardware
+                groups.setdefault((where, "kept" if pair["first"][KEPT] else "not kept"), []).append(pair)
+        for (where, kept), some in sorted(groups.items()):
+            seconds = [", ".join(f"{pair[which]['process']:.1f}" for pair in some) for which in ("first", "second")]
+            rows.append((f"`{what}`", size, where, kept, *(f"{s} s" for s in seconds)))
     return table(("what", "size", "hardware", "traces", "first start", "second start"), rows) if rows else ""
 
 
 Key = tuple[tuple[str, ...], str, str]
 """Devices, training and number of seeds."""
 
-Starts = Mapping[str, Mapping[str, float]]
+Starts = Mapping[str, Mapping[str, Any]]
 """The first and the second start of a training, as `experiments.benchmarks.starts` stores them."""
 
 
@@ -147,11 +152,11 @@ def _started(results: Path, pattern: str = STARTS) -> dict[Key, list[Starts]]:
     for file in sorted(results.glob(pattern)):
         stored = read_json(file)
         if not stored["where"].get("git_modified"):
-            kept = {KEPT: stored["settings"].get("traces", False)}
+            about = {KEPT: stored["settings"].get("traces", False), HOST: stored["where"]["cpu"]}
             for what, starts in stored["starts"].items():
                 count = stored["settings"]["seeds"]
                 key = tuple(stored["where"]["devices"]), what, ONE if count == 1 else f"{count} seeds"
-                found.setdefault(key, []).append({which: {**one, **kept} for which, one in starts.items()})
+                found.setdefault(key, []).append({which: {**one, **about} for which, one in starts.items()})
     return found
 
 
