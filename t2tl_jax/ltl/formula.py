@@ -78,7 +78,10 @@ class Formula:
             size += arg.size
             depth = max(depth, arg.depth + 1)
         if depth > MAX_DEPTH:
-            raise TooLargeError(f"the formula is nested {depth} deep; the limit is {MAX_DEPTH} (formula.MAX_DEPTH)")
+            raise TooLargeError(
+                f"the formula is nested {depth} deep; the limit is {MAX_DEPTH} (formula.MAX_DEPTH, no flag); a list "
+                "such as a | b | c | ... is as deep as it is long: put its halves in parentheses"
+            )
         if size >= MAX_SIZE:
             raise TooLargeError(f"the formula has {size + 1} nodes; the limit is {MAX_SIZE} (formula.MAX_SIZE)")
         object.__setattr__(self, "size", size + 1)

@@ -2,9 +2,11 @@
 
 The state of all seeds lies on the host. In every iteration each group is moved to the devices, goes on, and is moved
 back, so that everything around the training sees one iteration of all seeds. A group is a program of its own width,
-and the last one is filled up (see `training/devices.py`).
+and the last one is filled up (see `training/devices.py`). On a CPU both are in the same memory, so that groups save
+only what programs take beside the states.
 """
 
+import math
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -43,20 +45,23 @@ def fit(experiment: Experiment, compilation: Compilation, width: int = 0) -> tup
     """
     count, asked = experiment.program.count, experiment.config.run.seeds_at_once
     width = min(asked or width or count, count)
+    states = size_of(experiment.program.stored)
+    waiting = states // jax.local_device_count() if one_device().platform == "cpu" else 0
     while True:
         width = even(count, width)
         program = experiment.program_for(width)
         same = compilation.program.count == program.count
         compiled = (compilation if same else Compilation(program, compilation.fresh)).result()
-        most = width if asked else hosts.least_of(fitting(compiled.iterate, width))
+        in_groups = width < count
+        most = width if asked else hosts.least_of(fitting(compiled.iterate, width, count, waiting))
         if hosts.are_several() and min(most, width) < count:
             raise UserError(
                 f"{count:,} seeds do not fit into the memory of the devices together ({min(most, width):,} may), and "
                 "groups that train in turns are for a single host: take more hosts, or fewer seeds"
             )
         if most == width:
-            check_room(experiment, program, compiled.iterate)
-            return width, compiled if width == count else in_chunks(program, compiled, count)
+            check_room(experiment, program, compiled.iterate, states if in_groups else 0)
+            return width, in_chunks(program, compiled, count) if in_groups else compiled
         width = most
         warnings.warn(
             f"{count:,} seeds do not fit into the memory of the devices together: {even(count, width):,} train side by "
@@ -71,19 +76,33 @@ def even(count: int, most: int) -> int:
     return -(-count // -(-count // most))
 
 
-def fitting(compiled: Any, width: int, memory: int | None = None) -> int:
+def fitting(compiled: Any, width: int, count: int = 0, waiting: int = 0, memory: int | None = None) -> int:
     """How many seeds fit on the devices side by side, by what the compiler says of a program for `width`; at least 1.
+
+    As many as there are where fewer of them would not take less.
 
     Args:
         compiled: its iteration.
         width: its seeds.
+        count: seeds in all; by default these.
+        waiting: bytes of one device that the states of all take where they train in groups; 0 if they wait elsewhere.
         memory: bytes of one device; by default those that are there.
     """
-    need = needed(compiled)
+    need, count = needed(compiled), count or width
     memory = device_memory() if memory is None else memory
     if need is None or memory is None:  # not told on this hardware
         return width
-    return width if need <= MOST * memory else max(1, int(width * MOST * memory / need))
+    room, of_seed = MOST * memory, need / width + waiting / count  # whose state is copied on its way
+    takes = need if width == count else waiting + width * of_seed
+    if takes <= room:
+        return width
+    fewer = max(1, min(width, int((room - waiting) / of_seed)))
+    return fewer if waiting + fewer * of_seed < takes else width
+
+
+def size_of(shapes: Any) -> int:
+    """Bytes of a tree of arrays, or of their shapes and dtypes."""
+    return sum(math.prod(x.shape) * x.dtype.itemsize for x in jax.tree.leaves(shapes))
 
 
 def needed(compiled: Any) -> int | None:
@@ -95,33 +114,52 @@ def needed(compiled: Any) -> int | None:
     return sum(sizes) - given.alias_size_in_bytes
 
 
-def check_room(experiment: Experiment, program: Program, compiled: Any) -> None:
+def check_room(experiment: Experiment, program: Program, compiled: Any, waiting: int = 0) -> None:
     """Say so where a program that cannot be split up further needs more memory than there is.
 
-    On a CPU a `Note` says it: the memory is the machine's, and what others have of it now they may give back.
+    For the memory of the host a `Note` says it: what others have of it now they may give back.
+
+    Args:
+        experiment: what is trained.
+        program: of as many seeds as train side by side.
+        compiled: its iteration.
+        waiting: bytes of the states of all seeds, which wait on the host; 0 where all train side by side.
 
     Raises:
-        UserError: on other devices, which have what they have.
+        UserError: where it is the memory of a GPU.
     """
-    need, memory = needed(compiled), device_memory()
-    if need is None or memory is None:
-        return
-    on_cpu, where = one_device().platform == "cpu", "its device has"
-    if on_cpu:  # of which any device may take more than its share
-        used = 1 if program.sharding is None else len(program.sharding.addressable_devices)
-        need, memory, where = need * used, memory * jax.local_device_count(), "this machine has free"
-    if need <= memory:
-        return
+    need, memory, free = needed(compiled), device_memory(), host_memory()
     run, learner = experiment.config.run, experiment.config.learner
-    flags = ["--run.seeds-at-once"] if run.seeds_at_once > 1 else []
-    flags += [f"--learner.{name.replace('_', '-')}" for name in SIZES if hasattr(learner, name)]
+    on_cpu = one_device().platform == "cpu"
+    sizes = [f"--learner.{name.replace('_', '-')}" for name in SIZES if hasattr(learner, name)]
+    flags = (["--run.seeds-at-once"] if run.seeds_at_once > 1 else []) + sizes
     what = "one seed needs" if program.count == 1 else f"{program.count:,} seeds side by side need"
-    words = f"{what} {need / 2**30:,.2f} GiB of memory, and {where} {memory / 2**30:,.2f} GiB"
-    way_out = f"smaller with {' or '.join(flags)}" if flags else "make the numbers of the learner smaller"
-    way_out += "; a run that is resumed keeps these, and needs more memory"
-    if not on_cpu:
-        raise UserError(f"{words}: {way_out}")
-    warnings.warn(f"{words}: it may be ended for it, or be slow; {way_out}", Note, stacklevel=3)
+
+    def way_out(flags: list[str]) -> str:
+        words = f"smaller with {' or '.join(flags)}" if flags else "make the numbers of the learner smaller"
+        return f"{words}; a run that is resumed keeps these, and needs more memory"
+
+    if need is None or memory is None:
+        need = 0
+    elif not on_cpu and need > memory:
+        raise UserError(f"{what} {_gib(need)} of memory, and its device has {_gib(memory)}: {way_out(flags)}")
+    # Of a CPU, the memory of the devices is the machine's, of which any device may take more than its share.
+    used = 1 if program.sharding is None else len(program.sharding.addressable_devices)
+    wanted = waiting + (need * used if on_cpu else 0)
+    if free is None or wanted <= free:
+        return
+    if waiting:
+        what = f"the states of all seeds{' and a program' if on_cpu else ', which wait on the host,'} need"
+    may = "it may be ended for it, or be slow"
+    warnings.warn(
+        f"{what} {_gib(wanted)} of memory, and this machine has free {_gib(free)}: {may}; {way_out(sizes)}",
+        Note,
+        stacklevel=3,
+    )
+
+
+def _gib(size: int) -> str:
+    return f"{size / 2**30:,.2f} GiB"
 
 
 def one_device() -> jax.Device:
@@ -134,10 +172,16 @@ def device_memory() -> int | None:
     device = one_device()
     if device.platform != "cpu":
         return (device.memory_stats() or {}).get("bytes_limit") or None  # 0 is no limit
+    free = host_memory()
+    return None if free is None else free // jax.local_device_count()
+
+
+def host_memory() -> int | None:
+    """Bytes of this machine's memory that are free; None if it does not say."""
     try:
         with open("/proc/meminfo", encoding="utf-8") as file:
             sizes = dict(line.split(":", 1) for line in file)
-        return int(sizes["MemAvailable"].split()[0]) * 1024 // jax.local_device_count()
+        return int(sizes["MemAvailable"].split()[0]) * 1024
     except (OSError, KeyError, ValueError):
         return None
 
@@ -183,8 +227,12 @@ def in_chunks(program: Program, compiled: Compiled, count: int) -> Compiled:
 
 
 def on_host(tree: Any) -> Any:
-    """Arrays of the host that can be written to; keys stay what they are."""
-    return jax.tree.map(lambda x: x if is_key(x) else np.array(x), tree)
+    """Arrays of the host that can be written to; those that are, and keys, stay what they are."""
+
+    def own(x: Any) -> Any:
+        return x if is_key(x) or (isinstance(x, np.ndarray) and x.flags.writeable) else np.array(x)
+
+    return jax.tree.map(own, tree)
 
 
 def _taken(tree: Any, index: np.ndarray) -> Any:

@@ -106,7 +106,7 @@ def test_the_command_names_its_own_flag_for_tokens_too(capsys):
     assert "the limit is max_cells=1,000: raise it to 1,105 or more (--max-cells 1105)" in capsys.readouterr().err
     assert main([ANY_ORDER, *options, "1105"]) == 0
     assert main([ANY_ORDER, "--max-rows", "5"]) == 2
-    assert "10 might do (--max-rows 10)" in capsys.readouterr().err
+    assert "80 goes 16 times as far (--max-rows 80)" in capsys.readouterr().err
 
 
 def test_more_propositions_than_usual_and_as_deep_as_allowed():

@@ -35,6 +35,18 @@ def test_groups_are_even_and_as_large_as_fits():
     assert chunks.device_memory() is None or chunks.device_memory() > 10**6
 
 
+def test_groups_are_for_what_the_states_leave():
+    """Of a processor, in whose memory the states wait: 8 seeds whose states are 160 bytes in all."""
+    scratch = Compiled(800)  # most of it is none of the states
+    assert chunks.fitting(scratch, 8, 8, 160, memory=1000) == 8
+    assert chunks.fitting(scratch, 8, 8, 160, memory=700) == 3  # 160 wait, and a seed takes 100 and a copy of its 20
+    assert chunks.fitting(Compiled(300), 3, 8, 160, memory=700) == 3
+    assert chunks.fitting(scratch, 8, 8, 160, memory=100) == 1  # less than all at once, if too much
+    states = Compiled(170)
+    assert chunks.fitting(states, 8, 8, 160, memory=100) == 8  # in groups they would take 201 and not 170
+    assert chunks.fitting(states, 8, 8, 0, memory=100) == 4  # where the states wait elsewhere
+
+
 class Device:
     """A made-up one."""
 
@@ -77,6 +89,7 @@ class Compiled:
 )
 def test_what_is_too_large_for_a_device_is_refused(learner, at_once, seeds, said, monkeypatch):
     monkeypatch.setattr(chunks, "one_device", lambda: Device("gpu", 2 * 2**30))
+    monkeypatch.setattr(chunks, "host_memory", lambda: None)
     config = replace(five_seeds(at_once), learner=learner)
     experiment, program = SimpleNamespace(config=config), SimpleNamespace(count=seeds, sharding=None)
     with pytest.raises(UserError, match=said):
@@ -88,7 +101,7 @@ def test_what_is_too_large_for_a_processor_is_told(monkeypatch):
     """Whose memory is that of the machine, of which each device has a share."""
     experiment, program = SimpleNamespace(config=five_seeds()), SimpleNamespace(count=1, sharding=None)
     memory = 2**30 * jax.local_device_count()
-    monkeypatch.setattr(chunks, "device_memory", lambda: 2**30)
+    monkeypatch.setattr(chunks, "host_memory", lambda: memory)
     with pytest.warns(
         Note, match=r"one seed needs .* GiB of memory, and this machine has free .* GiB: it may be ended"
     ):
@@ -100,8 +113,8 @@ def test_what_is_too_large_for_a_processor_is_told(monkeypatch):
 
 def test_the_devices_of_a_processor_share_the_memory_of_the_machine(monkeypatch):
     """Two devices that need half of it each, and a byte more."""
-    monkeypatch.setattr(chunks, "device_memory", lambda: 2**30)
     memory = 2**30 * jax.local_device_count()
+    monkeypatch.setattr(chunks, "host_memory", lambda: memory)
     shared = SimpleNamespace(count=2, sharding=SimpleNamespace(addressable_devices=range(2)))
     experiment = SimpleNamespace(config=five_seeds())
     with warnings.catch_warnings():
@@ -109,6 +122,27 @@ def test_the_devices_of_a_processor_share_the_memory_of_the_machine(monkeypatch)
         chunks.check_room(experiment, shared, Compiled(memory // 2))
     with pytest.warns(Note, match="2 seeds side by side need"):
         chunks.check_room(experiment, shared, Compiled(memory // 2 + 1))
+
+
+@pytest.mark.parametrize(
+    ("device", "program", "said"),
+    [
+        (Device("gpu", 2**40), 2**30, "the states of all seeds, which wait on the host, need 2.00 GiB of memory, and"),
+        (Device("cpu", None), 2**30, "the states of all seeds and a program need 3.00 GiB of memory, and this machine"),
+    ],
+)
+def test_states_that_the_host_has_no_room_for_are_told(device, program, said, monkeypatch):
+    """Seeds in groups wait there; a processor's program is there too."""
+    monkeypatch.setattr(chunks, "one_device", lambda: device)
+    experiment = SimpleNamespace(config=five_seeds(at_once=2))
+    group = SimpleNamespace(count=2, sharding=None)
+    monkeypatch.setattr(chunks, "host_memory", lambda: 3 * 2**30)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chunks.check_room(experiment, group, Compiled(program), 2 * 2**30)
+    monkeypatch.setattr(chunks, "host_memory", lambda: 2 * 2**30 - 1)
+    with pytest.warns(Note, match=said):
+        chunks.check_room(experiment, group, Compiled(program), 2 * 2**30)
 
 
 @pytest.mark.slow
@@ -128,7 +162,7 @@ def test_groups_train_what_all_seeds_together_do(tmp_path, monkeypatch):
     resume(tmp_path / "stopped")
     for name in ("metrics.csv", "checkpoints/4/info/metadata"):
         assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "asked" / name).read_bytes()
-    monkeypatch.setattr(chunks, "fitting", lambda compiled, width: min(width, 3))
+    monkeypatch.setattr(chunks, "fitting", lambda compiled, width, count, waiting: min(width, 3))
     with pytest.warns(Note, match="5 seeds do not fit into the memory of the devices together: 3 train side by side"):
         forced = train(five_seeds(), folder=tmp_path / "forced")
     for other, folder in ((asked, "asked"), (forced, "forced")):

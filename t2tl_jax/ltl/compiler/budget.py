@@ -96,8 +96,8 @@ class Budget:
         if count > 8 * most:
             raise TooLargeError(
                 f"progression reached {count:,} distinct formulas and is not finished; the limit is "
-                f"8 * max_rows = {8 * most:,}: raise max_rows, or simplify the task; {2 * most:,} might do "
-                f"(of a run --limits.max-rows {2 * most})"
+                f"8 * max_rows = {8 * most:,}: simplify the task, or raise max_rows; what it takes is not known yet, "
+                f"and {16 * most:,} goes 16 times as far (of a run --limits.max-rows {16 * most})"
             )
 
     def check_tokens(self, count: int) -> None:
