@@ -163,15 +163,16 @@ def _started(results: Path, pattern: str = STARTS) -> dict[Key, list[Starts]]:
 def _lines(aim: Aim, rows: list[measured.Row], begun: list[Starts]) -> Iterator[tuple[str, ...]]:
     """The row of an aim; none where nothing decides it."""
 
-    def line(wanted: str, got: str, reached: bool) -> tuple[str, ...]:
-        outcome = "reached" if reached else "**not reached**"
+    def line(wanted: str, got: str, reached: bool, by: str = "") -> tuple[str, ...]:
+        outcome = f"reached{by}" if reached else "**not reached**"
         return f"`{aim.what}`", aim.size, HARDWARE[aim.devices], wanted, got, outcome
 
     if aim.least is not None and rows:
         newest = rows[-1]
         median, slowest, fastest = map(measured.three_digits, (newest.rate, newest.slowest, newest.fastest))
         got = f"{median} ({slowest}, {fastest}) frames/s"
-        yield line(f"{aim.least:,.0f} frames/s", got, newest.rate >= aim.least)
+        by = "" if newest.slowest >= aim.least else " by the median, not by every call"
+        yield line(f"{aim.least:,.0f} frames/s", got, newest.rate >= aim.least, by)
     elif aim.within is not None:
         seconds = [row.compile_s for row in rows if row.compile_s is not None]
         seconds += [starts["first"]["compiling"] for starts in begun]

@@ -114,6 +114,8 @@ def documentation(root: Path) -> Documentation:
             "plans": beside.plans(results),
             "kills": survival.kills(results),
             "large-table": room.table(results),
+            "letters": room.letters(results),
+            "recording": room.recording(results),
             "prompt": typed.typed(results),
         },
     }

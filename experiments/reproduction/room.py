@@ -1,12 +1,20 @@
-"""What a large table and the replays of DQN take, from stored results."""
+"""What large tables, many letters, the replays of DQN and files of metrics take, from stored results."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from experiments.reproduction import page
 from t2tl_jax.runs.folder import read_json
 
 FILE = "room.json"
 """Of `experiments.benchmarks.room`, among the results."""
+
+LETTERS = "letters*.json"
+"""Of `experiments.benchmarks.letters`."""
+
+RECORDING = "recording.json"
+"""Of `experiments.benchmarks.recording`."""
 
 
 def table(results: Path) -> str:
@@ -34,3 +42,49 @@ def replays(results: Path) -> str:
     ]
     said = "The replay of all seeds together, by the shapes of its arrays (`python -m experiments.benchmarks.room`)."
     return "\n\n".join((page.paragraph(said), page.table(("configuration", "method", "seeds", "replay"), rows)))
+
+
+def letters(results: Path) -> str:
+    """What compiling and steps cost by the number of letters, of every device that it was measured on."""
+    files = sorted(results.glob(LETTERS))
+    return "\n\n".join(_letters(read_json(file)) for file in files) or "Not measured yet."
+
+
+def _letters(stored: Mapping[str, Any]) -> str:
+    found, of = stored["results"], stored["settings"]
+    rows = [
+        (
+            *(f"`{one['shape']}`", str(one["propositions"]), str(one["rows"]), str(one["parts"])),
+            f"{1e3 * one['compile_s']['median']:.0f} ms",
+            f"{one['peak_mib'] + one['table_mib']:.1f} MiB",
+            *(_nanoseconds(one[name]) for name in ("step_ns", "step_all_ns")),
+        )
+        for one in found
+    ]
+    text = f"""
+        Every subset of the propositions is a letter (`python -m experiments.benchmarks.letters`): `thirds` is
+        `F(A & F(B & F C))` with a third of them at once in each place, `chain` one after the other, and `pairs` any of
+        the pairs of one from the first half and one from the second. Compiling is the median of {of["repeats"]} calls,
+        beside it the most memory of Python and NumPy together with the table's. A step is a transition in a batch of
+        {of["batch"]:,}, by the median of {of["repeats"]} calls with the fastest and the slowest: from one row, and from
+        all rows. {page.origin([stored["where"]])}"""
+    heading = ("formula", "propositions", "rows", "parts", "compiling", "memory", "a step", "from all rows")
+    return "\n\n".join((page.paragraph(text), page.table(heading, rows)))
+
+
+def _nanoseconds(measured: Mapping[str, float]) -> str:
+    return f"{measured['median']:.3g} ns ({measured['fastest']:.3g} to {measured['slowest']:.3g})"
+
+
+def recording(results: Path) -> str:
+    """What the largest file of metrics takes to write and to read."""
+    if not (results / RECORDING).is_file():
+        return "Not measured yet."
+    stored = read_json(results / RECORDING)
+    found, of, each = stored["results"], stored["settings"], stored["results"]["iteration_ms"]
+    text = f"""
+        {of["seeds"]:,} seeds with {of["scalars"]} scalars each were written in {each["median"]:.1f} ms an iteration
+        (median; the slowest {each["slowest"]:.1f} ms), by made-up numbers without a training; the file of
+        {found["rows"]:,} rows has {found["file_mib"]:.0f} MiB and is read in {found["reading_s"]:.1f} s (`python -m
+        experiments.benchmarks.recording`). {page.origin([stored["where"]])}"""
+    return page.paragraph(text)

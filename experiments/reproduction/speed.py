@@ -167,7 +167,8 @@ def pauses(results: Path) -> str:
         f"`{name}` {100 * stood / whole:.1f} % ({stood:.2f} of {whole:.1f} s)" for name, (stood, whole) in over.items()
     ]
     return paragraph(
-        f"Of {len(shares)} stored runs with such a time, {len(shares) - len(over)} stood still for checkpoints during "
+        f"Of {len(shares)} stored runs with such a time ({len(stored) - len(shares)} older ones have none), "
+        f"{len(shares) - len(over)} stood still for checkpoints during "
         f"at most {100 * LONGEST_PAUSE:.0f} % of their training, which was the aim"
         + (f"; the others: {', '.join(words)}." if over else ".")
     )

@@ -1,10 +1,10 @@
-"""What large tables and replays take: how it is measured, counted and shown."""
+"""What large tables, many letters, replays and files of metrics take: how it is measured, counted and shown."""
 
 import json
 
 import pytest
 
-from experiments.benchmarks import room
+from experiments.benchmarks import letters, recording, room
 from experiments.reproduction import room as shown
 
 
@@ -35,3 +35,52 @@ def test_what_is_stored_is_shown(tmp_path):
 def test_numbers_are_checked(flags, capsys):
     assert room.main(flags) == 2
     assert flags[0].strip("-") in capsys.readouterr().err
+
+
+# ----- many letters -----
+
+
+@pytest.mark.slow
+def test_tables_over_more_and_more_propositions_are_compiled_and_looked_up_in(tmp_path):
+    file = tmp_path / "letters.json"
+    flags = ["--propositions", "6", "22", "--batch", "8", "--steps", "2", "--repeats", "2", "--json", str(file)]
+    assert shown.letters(tmp_path) == "Not measured yet."
+    assert letters.main(flags) == 0
+    found = json.loads(file.read_text())["results"]
+    assert [(one["shape"], one["propositions"], one["rows"], one["parts"]) for one in found] == [
+        *(("thirds", 6, 5, 1), ("thirds", 22, 5, 2), ("chain", 6, 8, 1), ("chain", 22, 24, 2)),
+        *(("pairs", 6, 3, 1), ("pairs", 22, 3, 2)),
+    ]
+    for one in found:
+        assert 0 < one["compile_s"]["median"] <= one["compile_s"]["slowest"] < 10 and 0 < one["table_mib"] < 100
+        for times in (one["step_ns"], one["step_all_ns"]):
+            assert 0 < times["fastest"] <= times["median"] <= times["slowest"]
+    said = shown.letters(tmp_path)
+    assert "| `thirds` | 22 | 5 | 2 |" in said and "the median of 2 calls" in " ".join(said.split())
+
+
+def test_formulas_name_every_proposition():
+    names = tuple("abcdef")
+    assert letters.thirds(names) == "F(a & d & F(b & e & F(c & f)))"
+    assert letters.chain(names[:3]) == "F(a & F(b & F(c)))"
+    assert letters.pairs(names) == "F((a & d) | (b & e) | (c & f))"
+
+
+@pytest.mark.parametrize("flags", [["--propositions", "2"], ["--propositions", "32"], ["--batch", "0"]])
+def test_what_is_no_size_is_refused(flags, capsys):
+    assert letters.main(flags) == 2
+    assert flags[0].strip("-") in capsys.readouterr().err
+
+
+# ----- files of metrics -----
+
+
+@pytest.mark.slow
+def test_a_file_is_written_and_read(tmp_path):
+    file = tmp_path / shown.RECORDING
+    assert shown.recording(tmp_path) == "Not measured yet."
+    assert recording.main(["--seeds", "3", "--iterations", "4", "--json", str(file)]) == 0
+    found = json.loads(file.read_text())["results"]
+    assert found["rows"] == 12 and 0 < found["iteration_ms"]["median"] <= found["iteration_ms"]["slowest"]
+    assert found["file_mib"] > 0 and found["reading_s"] > 0
+    assert "3 seeds with 10 scalars each" in " ".join(shown.recording(tmp_path).split())
