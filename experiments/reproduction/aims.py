@@ -71,6 +71,8 @@ KEPT = "kept traces"
 """Whether a start found, or left, traced programs on disk beside the compiled ones."""
 HOST = "processor"
 """The kind of CPU of the machine of a start."""
+EARLY = "early_start.json"
+"""Of the same, with and without a GPU that is started while modules load, by turns."""
 STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 """Of `experiments.benchmarks.starts`, among the results; and of the same and a benchmark under
 ``XLA_FLAGS=--xla_gpu_enable_triton_gemm=false``."""
@@ -82,7 +84,7 @@ that began beside others on a GPU compiled for longer; their seconds are on the 
 start is a whole process that trains for one iteration, without pre-training (`python -m
 experiments.benchmarks.starts`). A second one finds compiled programs on disk, which JAX keeps, and those that were
 traced, which this project keeps beside them ([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is loading
-Python's modules, finding the GPU, and reading programs; but the starts on GPUs were measured when only the iteration
+Python's modules, finding the GPU, and reading programs; but the starts on an H200 were measured when only the iteration
 was kept, and how a run begins was traced anew. The aim was set when JAX's compiled programs were all that was there.
 Starts with kept traces decide where there are some; all that are stored are in the second table. On GPUs, those with
 and without are of different hosts and commits."""
@@ -114,7 +116,7 @@ def aims(results: Path) -> str:
     parts = (
         shown,
         _both_starts(begun),
-        *map(paragraph, (*notes, *starts)),
+        *map(paragraph, (*notes, *starts, *_early(results))),
         paragraph(" ".join((LAYERS, _without_triton(results, found, begun)))),
     )
     return "\n\n".join(parts)
@@ -134,6 +136,21 @@ def _both_starts(begun: Mapping["Key", Sequence["Starts"]]) -> str:
             seconds = [", ".join(f"{pair[which]['process']:.1f}" for pair in some) for which in ("first", "second")]
             rows.append((f"`{what}`", size, where, kept, *(f"{s} s" for s in seconds)))
     return table(("what", "size", "hardware", "traces", "first start", "second start"), rows) if rows else ""
+
+
+def _early(results: Path) -> list[str]:
+    """What it gains to start the GPU while modules load, by starts with and without, by turns."""
+    if not (results / EARLY).is_file():
+        return []
+    stored = read_json(results / EARLY)
+    seconds = {
+        form: ", ".join(f"{one['process']:.1f}" for one in starts[1:]) for form, starts in stored["starts"].items()
+    }
+    return [
+        f"A GPU is started [while modules load](../experiments/cli/early_start.py): starts of `{stored['training']}` "
+        f"with programs on disk took {seconds['with']} s so, and {seconds['without']} s otherwise, by turns, with "
+        f"nothing else on the host. {stored['note']} {origin([stored['where']])}"
+    ]
 
 
 Key = tuple[tuple[str, ...], str, str]

@@ -136,7 +136,7 @@ def gains(results: Path) -> str:
         said = f"""
             How many times as long the slower form takes, by its arithmetic and by the clock: medians of
             {stored["settings"]["repeats"]} pairs of calls within one process, the least and the most
-            (`{_command(stored, file)}`)."""
+            (`{_command(stored, file)}`). {stored.get("beside", "")}"""
         heading = ("step", "predicted", "measured", "95 % interval of the median")
         parts += [paragraph(said), table(heading, rows), origin([stored["where"]])]
     return "\n\n".join(parts)

@@ -116,6 +116,7 @@ def documentation(root: Path) -> Documentation:
             "large-table": room.table(results),
             "letters": room.letters(results),
             "recording": room.recording(results),
+            "groups": room.groups(results),
             "prompt": typed.typed(results),
         },
     }

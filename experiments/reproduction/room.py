@@ -1,4 +1,4 @@
-"""What large tables, many letters, the replays of DQN and files of metrics take, from stored results."""
+"""What large tables, many letters, replays of DQN, files of metrics and groups of seeds take, from stored results."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +15,9 @@ LETTERS = "letters*.json"
 
 RECORDING = "recording.json"
 """Of `experiments.benchmarks.recording`."""
+
+GROUPS = "groups_h100.json"
+"""Of runs of `experiments.run` whose seeds did and did not train side by side."""
 
 
 def table(results: Path) -> str:
@@ -67,7 +70,7 @@ def _letters(stored: Mapping[str, Any]) -> str:
         the pairs of one from the first half and one from the second. Compiling is the median of {of["repeats"]} calls,
         beside it the most memory of Python and NumPy together with the table's. A step is a transition in a batch of
         {of["batch"]:,}, by the median of {of["repeats"]} calls with the fastest and the slowest: from one row, and from
-        all rows. {page.origin([stored["where"]])}"""
+        all rows. {stored.get("beside", "")} {page.origin([stored["where"]])}"""
     heading = ("formula", "propositions", "rows", "parts", "compiling", "memory", "a step", "from all rows")
     return "\n\n".join((page.paragraph(text), page.table(heading, rows)))
 
@@ -88,3 +91,23 @@ def recording(results: Path) -> str:
         {found["rows"]:,} rows has {found["file_mib"]:.0f} MiB and is read in {found["reading_s"]:.1f} s (`python -m
         experiments.benchmarks.recording`). {page.origin([stored["where"]])}"""
     return page.paragraph(text)
+
+
+def groups(results: Path) -> str:
+    """How fast seeds train in groups on a GPU, beside side by side."""
+    if not (results / GROUPS).is_file():
+        return "Not measured yet."
+    stored = read_json(results / GROUPS)
+    rows = [
+        (
+            *(f"`{one['config']}:{one['method']}`", str(one["seeds"])),
+            f"{one['at_once']}" + ("" if one["asked"] or one["at_once"] == one["seeds"] else ", chosen by the program"),
+            f"{one['iterations']}",
+            f"{one['training_seconds']:.1f} s",
+            f"{one['seeds'] * one['frames'] / one['training_seconds']:,.0f} frames/s",
+        )
+        for one in stored["runs"]
+    ]
+    heading = ("training", "seeds", "at once", "iterations", "training", "all seeds together")
+    told = page.paragraph(f"{stored['note']} {stored['beside']} {page.origin([stored['where']])}")
+    return "\n\n".join((page.table(heading, rows), told))

@@ -279,6 +279,12 @@ def test_aims_are_judged_by_what_is_stored(tmp_path):
     said = " ".join(aims.aims(tmp_path).split())
     assert "1,280,000 frames/s are 10,000 gradient steps/s" in said and "T2TL makes 200,000 frames/s." in said
     (tmp_path / "benchmark_y.json").unlink()
+    starts = {"with": [{"process": 40.0}, {"process": 9.31}], "without": [{"process": 41.0}, {"process": 10.0}]}
+    early = {"where": where, "note": "By hand.", "training": "x", "starts": starts}
+    (tmp_path / aims.EARLY).write_text(json.dumps(early))
+    assert "starts of `x` with programs on disk took 9.3 s so, and 10.0 s otherwise" in " ".join(
+        aims.aims(tmp_path).split()
+    )
     for changed in ({"devices": ["NVIDIA H200"] * 2}, {"git_modified": True}):
         measured.write(tmp_path / "benchmark_x.json", where | changed, {}, [row])
         assert "Not measured yet" in aims.aims(tmp_path)
