@@ -9,7 +9,7 @@ measures on one GPU of several; on a CPU, JAX_NUM_CPU_DEVICES says how many ther
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -117,18 +117,24 @@ def _main(texts: Sequence[str]) -> int:
         measured.write(arguments.json, where, settings, rows)
         json_file.unfinished(arguments.json).unlink(missing_ok=True)
         print(f"\nwritten: {arguments.json}")
-    print(_of_the_readme())
+    print(_of_the_readme(where, rows))
     return 0
 
 
-def _of_the_readme() -> str:
-    """The README's table, of what is stored among the project's results; '' where these are not there."""
+def _of_the_readme(where: Mapping[str, Any], rows: Sequence[Any]) -> str:
+    """The README's table as it is with this benchmark among those that are stored; '' where these are not there."""
     from experiments.reproduction import speed
 
     results = Path(__file__).parents[1] / "results"
     if not any(results.glob("benchmark_*.json")):
         return ""
-    return f"\n## The table of the README, by what is stored in {results.name}/\n\n{speed.short_table(results)}"
+    said = f"""\
+## The table of the README, by what is stored in {results.name}/ and by this
+
+What was just measured counts as the newest for each row of trainings or environments that it has all of, on one device,
+from a commit without changes.
+"""
+    return f"\n{said}\n{speed.short_table(results, [(where, rows)])}"
 
 
 @dataclass(frozen=True)

@@ -265,7 +265,11 @@ def _command(where: Mapping[str, Any]) -> str:
     return devices + shlex.join(["python", "-m", "experiments.benchmark", *words])
 
 
-def short_table(results: Path) -> str:
+New = Sequence[tuple[Mapping[str, Any], Sequence[measured.Row]]]
+"""Benchmarks that are not stored yet, as `in_time` gives those that are."""
+
+
+def short_table(results: Path, new: New = ()) -> str:
     """The same for the README: the spread over seeds that nothing was tuned on, and the largest batches."""
     spans = {}
     for kind in KINDS:
@@ -285,8 +289,8 @@ def short_table(results: Path) -> str:
             "H200",
             f"{spans['T2TL, MJX, 12 seeds']} / {spans['T1TL, MJX, 12 seeds']}",
         ),
-        *trainings(results),
-        *largest(results),
+        *trainings(results, new),
+        *largest(results, new),
     ]
     return table(("what", "hardware", "figure"), rows)
 
@@ -306,14 +310,14 @@ SHORT_TRAININGS = (
 """Rows of the README from what `experiments.benchmark` stored: title, trainings, how many seeds."""
 
 
-def trainings(results: Path) -> list[tuple[str, str, str]]:
+def trainings(results: Path, new: New = ()) -> list[tuple[str, str, str]]:
     """Frames/s of whole iterations on one device; a row of which something is not stored is left out.
 
     A row is of one device and JAX; of each training the newest counts, as for the aims, and of several devices the row
     whose oldest figure is the newest. A file of several devices never does: its rows are those of `scaling`.
     """
     found: dict[tuple[str, ...], dict[tuple[str, str], tuple[int, str]]] = {}
-    for age, (where, rows) in enumerate(in_time(results)):
+    for age, (where, rows) in enumerate((*in_time(results), *new)):
         if len(where["devices"]) == 1 and not where.get("git_modified"):
             setting = (where["devices"][0].replace("NVIDIA ", ""), where["packages"]["jax"])
             of_trainings = [row for row in rows if row.part == "training"]
@@ -342,12 +346,12 @@ WORLDS = {
 """As the README calls what `experiments.benchmark` times."""
 
 
-def largest(results: Path) -> list[tuple[str, str, str]]:
+def largest(results: Path, new: New = ()) -> list[tuple[str, str, str]]:
     """The row of the README for environments: steps/s on one device, at the largest size of batch that some file has of
     every world, by the newest such file."""
     shown: list[tuple[str, str, str]] = []
     most = 0
-    for where, rows in in_time(results):
+    for where, rows in (*in_time(results), *new):
         if len(where["devices"]) > 1 or where.get("git_modified"):
             continue
         rates = {(row.size, row.what): row.rate for row in rows if row.part == "environments"}

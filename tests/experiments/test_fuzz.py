@@ -1,4 +1,4 @@
-"""Five hundred pieces of nonsense: each ends with exit code 0 or 2 and a message, soon, and leaves runs as they were.
+"""Nonsense, more than 500 pieces: each ends with exit code 0 or 2 and a message, soon, and leaves runs as they were.
 
 The examples are the same every time. More of them: set EXAMPLES to a factor, as in
 ``EXAMPLES=20 python -m pytest tests/experiments/test_fuzz.py``.
@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import tests.fake_learner  # noqa: F401
-from experiments import compare, evaluate, run
+from experiments import compare, evaluate, play, plot, pretrain, run, split, sweep
 from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import named_machines
 from t2tl_jax.ltl.__main__ import main as show_task
@@ -169,6 +169,23 @@ def test_configurations(content):
         assert config_files.from_json(config_files.to_json(config), "again") == config
 
 
+FAKE = json.loads(config_files.to_json(named_config("fake")))
+
+
+@pytest.mark.slow
+@given(changed(FAKE))
+@examples(30)
+def test_files_of_configurations(content):
+    """Given to the command, which trains what is sound."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "mine.json")
+        file.write_text(json.dumps(content))
+        own = ["--frames", "100", "--seeds", "1", "--run.evaluation-episodes", "0", "--run.folder", f"{folder}/runs"]
+        code, errors = said(run.main, "--config", str(file), *own)
+        assert is_polite(code, errors), (content, errors)
+        assert code == 0 or not any(Path(folder).rglob("metrics.csv")), content
+
+
 FLAGS = ["frames", "task", "seeds", "learner.discount", "learner.rate", "episode-length", "random-starts", "labels"]
 FLAGS += [
     "pool.size",
@@ -211,6 +228,34 @@ def test_overrides(pairs):
         assert code == 0 or not any(Path(folder).rglob("metrics.csv")), flags  # refused before anything was written
 
 
+GRIDS = ["learner.discount=", "learner.rate=", "method=", "frames=", "seeds=", "task=", "run.folder=", "=", ""]
+SPACES = ["", "0..1", "1..0", "log:0..1", "log:1e-5..1e-3", "nan..1", "..", "gelu,relu", "1,1", "x"]
+OTHERS = {
+    "sweep": (sweep.main, ["--grid"], GRIDS, VALUES),
+    "search": (sweep.main, ["--search", "1", "--space"], GRIDS, SPACES),
+    "split": (split.main, ["--draws", "50", "--training", "z1", "--tests"], ["", "z1,", "reach_"], [*VALUES, "a,b"]),
+    "pretrain": (pretrain.main, ["--task"], [""], [*VALUES, "Until_1_2_1_1", "rm_t1"]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_commands(name):
+    command, flags, fields, values = OTHERS[name]
+
+    @given(st.sampled_from(fields), st.sampled_from(values))
+    @examples(12)
+    def one(field, value):
+        with tempfile.TemporaryDirectory() as folder:
+            own = ["--config", "fake", "--frames", "100", "--run.evaluation-episodes", "0", "--run.folder", folder]
+            texts = [*([] if name == "split" else own), *flags, field + value]
+            code, errors = said(command, *texts)
+            assert is_polite(code, errors), (texts, code, errors)
+            assert code == 0 or not any(Path(folder).rglob("metrics.csv")), texts
+
+    one()
+
+
 def digests(folder):
     return {
         str(file.relative_to(folder)): hashlib.sha256(file.read_bytes()).hexdigest()
@@ -246,11 +291,20 @@ COMMANDS = {
     "resume": lambda folder: said(run.main, "--resume", str(folder), "--frames", "300"),
     "evaluate": lambda folder: said(evaluate.main, str(folder), "--episodes", "4"),
     "compare": lambda folder: said(compare.main, str(folder), "--fairness", "True"),
+    "plot": lambda folder: said(plot.main, str(folder), "--output", str(folder.parent / "curve.png")),
+    "play": lambda folder: typed(str(folder)),
 }
 
 
+def typed(*texts):
+    """Play what stands on the standard input."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.stdin", io.StringIO("F Red\nF(\n"))
+        return said(play.main, *texts)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", ["resume", "evaluate", "compare"])
 def test_configurations_of_run_folders(finished_run, command):
     stored = json.loads((finished_run / "config.json").read_text())
 
@@ -269,7 +323,9 @@ def test_configurations_of_run_folders(finished_run, command):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("command", "count"), [("resume", 25), ("evaluate", 5), ("compare", 30)])
+@pytest.mark.parametrize(
+    ("command", "count"), [("resume", 25), ("evaluate", 5), ("compare", 30), ("plot", 15), ("play", 8)]
+)
 def test_run_folders(finished_run, command, count):
     """More of what is soon over; an evaluation compiles (`test_damaged_runs.py` has its program)."""
 

@@ -145,6 +145,10 @@ def test_the_readme_shows_trainings_that_are_stored_whole(tmp_path):
     assert speed.trainings(tmp_path)[0][1] == "H100"  # one figure of the H200 is older than all of them
     measured.write(tmp_path / "benchmark_x.json", {**where, "time": "5"}, {}, rows[:3])
     assert speed.trainings(tmp_path)[0][1] == "H200"
+    faster = [replace(row, rate=2 * row.rate) for row in rows]
+    ((_, _, figure),) = speed.trainings(tmp_path, [(where, faster)])  # what is not stored yet is the newest
+    assert figure == "2,600,000 / 527,000 frames/s"
+    assert speed.trainings(tmp_path, [({**where, "git_modified": True}, faster)]) == speed.trainings(tmp_path)
     for line in speed.trainings(RESULTS):
         assert f"| {' | '.join(line)} |" in (ROOT / "README.md").read_text(encoding="utf-8")
 
