@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from experiments.cli import early_start, hosts
+from experiments.cli import hosts
 from experiments.cli.errors import guarded
 from t2tl_jax.errors import UserError
 from t2tl_jax.quiet import quiet_imports
@@ -35,7 +35,6 @@ def command(arguments: list[str], prefix: str = "", module: str = "experiments.r
     rest, given = hosts.read(arguments)
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
-        early_start.begin(arguments, given is not None)
         from experiments.cli import request
 
     asked = request.read(rest, prefix)

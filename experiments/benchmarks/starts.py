@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from experiments.benchmarks import json_file
-from experiments.cli import early_start
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
 from t2tl_jax.errors import UserError, explained
@@ -59,8 +58,6 @@ def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.starts", description=__doc__)
     json_file.check(arguments.json)
     with quiet_imports():
-        if arguments.here:
-            early_start.begin(())  # as a run does
         from experiments.benchmarks.trainings import training
     with explained():
         configs = {text: replace(training(text), seeds=str(arguments.seeds)) for text in arguments.trainings}
