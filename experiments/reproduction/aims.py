@@ -71,8 +71,8 @@ KEPT = "kept traces"
 """Whether a start found, or left, traced programs on disk beside the compiled ones."""
 HOST = "processor"
 """The kind of CPU of the machine of a start."""
-EARLY = "early_start.json"
-"""Of the same, with and without a GPU that is started while modules load, by turns."""
+EARLY = ("trial_early_start.json", "trial_early_start_shared.json", "starts_h100_four.json")
+"""Of the same: with and without a GPU that is started while modules load, by turns; with it; and without it."""
 STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 """Of `experiments.benchmarks.starts`, among the results; and of the same and a benchmark under
 ``XLA_FLAGS=--xla_gpu_enable_triton_gemm=false``."""
@@ -84,8 +84,9 @@ that began beside others on a GPU compiled for longer; their seconds are on the 
 start is a whole process that trains for one iteration, without pre-training (`python -m
 experiments.benchmarks.starts`). A second one finds compiled programs on disk, which JAX keeps, and those that were
 traced, which this project keeps beside them ([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is loading
-Python's modules, finding the GPU, and reading programs; but the starts on an H200 were measured when only the iteration
-was kept, and how a run begins was traced anew. The aim was set when JAX's compiled programs were all that was there.
+Python's modules, finding the GPU, and reading programs; but all starts on an H200, and those of `starts_h100` and
+`starts_h100_shared`, were measured when only the iteration was kept, and how a run begins was traced anew. The aim was
+set when JAX's compiled programs were all that was there.
 Starts with kept traces decide where there are some; all that are stored are in the second table. On GPUs, those with
 and without are of different hosts and commits."""
 
@@ -139,17 +140,27 @@ def _both_starts(begun: Mapping["Key", Sequence["Starts"]]) -> str:
 
 
 def _early(results: Path) -> list[str]:
-    """What it gains to start the GPU while modules load, by starts with and without, by turns."""
-    if not (results / EARLY).is_file():
+    """What a trial gained that started the GPU while modules load: starts with it and without."""
+    alone, shared, without = (results / name for name in EARLY)
+    if not all(file.is_file() for file in (alone, shared, without)):
         return []
-    stored = read_json(results / EARLY)
-    seconds = {
-        form: ", ".join(f"{one['process']:.1f}" for one in starts[1:]) for form, starts in stored["starts"].items()
-    }
+    stored = read_json(alone)
+    first, later = {}, {}
+    for form, starts in stored["starts"].items():
+        first[form], *rest = (f"{one['process']:.1f}" for one in starts)
+        later[form] = ", ".join(rest)
+    both = [read_json(file)["starts"] for file in (shared, without)]
+    second = [
+        f"`{what}` {of['second']['process']:.1f} s with it and {both[1][what]['second']['process']:.1f} s without"
+        for what, of in both[0].items()
+    ]
     return [
-        f"A GPU is started [while modules load](../experiments/cli/early_start.py): starts of `{stored['training']}` "
-        f"with programs on disk took {seconds['with']} s so, and {seconds['without']} s otherwise, by turns, with "
-        f"nothing else on the host. {stored['note']} {origin([stored['where']])}"
+        f"A trial started the GPU while modules load. `{stored['training']}` was started with it and without it, by "
+        f"turns, on a host with one GPU and nothing else to do. The first start of each traced everything anew, and "
+        f"took {first['with']} s with it, where nothing was compiled before, and {first['without']} s without. Each "
+        f"later one took {later['with']} s with it and {later['without']} s without. On a shared host with four GPUs a "
+        f"second start took: {'; '.join(second)}. That is no clear gain, a GPU that fails was hidden by it, and it was "
+        f"taken out. {stored['note']} {origin([stored['where']])}"
     ]
 
 

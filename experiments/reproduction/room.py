@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from experiments.benchmarks.measured import three_digits
 from experiments.reproduction import page
 from t2tl_jax.runs.folder import read_json
 
@@ -58,20 +59,21 @@ def _letters(stored: Mapping[str, Any]) -> str:
     rows = [
         (
             *(f"`{one['shape']}`", str(one["propositions"]), str(one["rows"]), str(one["parts"])),
-            f"{1e3 * one['compile_s']['median']:.0f} ms",
+            f"{1e3 * one['compile_s']['median']:.0f} ms ({1e3 * one['compile_s']['slowest']:.0f} ms)",
             f"{one['peak_mib'] + one['table_mib']:.1f} MiB",
             *(_nanoseconds(one[name]) for name in ("step_ns", "step_all_ns")),
         )
         for one in found
     ]
     text = f"""
-        Every subset of the propositions is a letter (`python -m experiments.benchmarks.letters`): `thirds` is
-        `F(A & F(B & F C))` with a third of them at once in each place, `chain` one after the other, and `pairs` any of
-        the pairs of one from the first half and one from the second. Compiling is the median of {of["repeats"]} calls,
-        beside it the most memory of Python and NumPy together with the table's. A step is a transition in a batch of
-        {of["batch"]:,}, by the median of {of["repeats"]} calls with the fastest and the slowest: from one row, and from
-        all rows. {stored.get("beside", "")} {page.origin([stored["where"]])}"""
-    heading = ("formula", "propositions", "rows", "parts", "compiling", "memory", "a step", "from all rows")
+        Every subset of the propositions is a letter (`python -m experiments.benchmarks.letters`). The formula `thirds`
+        is `F(A & F(B & F C))` with a third of them at once in each place; `chain` has one after the other; `pairs` has
+        any of the pairs of one from the first half and one from the second. Compiling is the median and the slowest of
+        {of["repeats"]} calls. Memory is the most of Python and NumPy meanwhile, and the table. A step is one letter in
+        a batch of {of["batch"]:,}, looked up in one row, or in all rows: the median of {of["repeats"]} calls of
+        {of["steps"]} batches, with the fastest and the slowest. {stored.get("beside", "")}
+        {page.origin([stored["where"]])}"""
+    heading = ("formula", "propositions", "rows", "parts", "compiling (slowest)", "memory", "in one row", "in all rows")
     return "\n\n".join((page.paragraph(text), page.table(heading, rows)))
 
 
@@ -88,8 +90,8 @@ def recording(results: Path) -> str:
     text = f"""
         {of["seeds"]:,} seeds with {of["scalars"]} scalars each were written in {each["median"]:.1f} ms an iteration
         (median; the slowest {each["slowest"]:.1f} ms), by made-up numbers without a training; the file of
-        {found["rows"]:,} rows has {found["file_mib"]:.0f} MiB and is read in {found["reading_s"]:.1f} s (`python -m
-        experiments.benchmarks.recording`). {page.origin([stored["where"]])}"""
+        {found["rows"]:,} rows has {found["file_mib"]:.0f} MiB and was read once, in {found["reading_s"]:.1f} s
+        (`python -m experiments.benchmarks.recording`). {page.origin([stored["where"]])}"""
     return page.paragraph(text)
 
 
@@ -104,7 +106,7 @@ def groups(results: Path) -> str:
             f"{one['at_once']}" + ("" if one["asked"] or one["at_once"] == one["seeds"] else ", chosen by the program"),
             f"{one['iterations']}",
             f"{one['training_seconds']:.1f} s",
-            f"{one['seeds'] * one['frames'] / one['training_seconds']:,.0f} frames/s",
+            f"{three_digits(one['seeds'] * one['frames'] / one['training_seconds'])} frames/s",
         )
         for one in stored["runs"]
     ]

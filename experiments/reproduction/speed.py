@@ -157,17 +157,18 @@ def pauses(results: Path) -> str:
     folders = sorted(path.parent for path in results.rglob("status.json"))
     stored = {path.relative_to(results).as_posix(): Stored(path) for path in folders}
     times = {name: run.status.get("all_sessions", {}) for name, run in stored.items()}
+    trained = {name: of for name, of in times.items() if of.get("training_seconds")}
     shares = {
         name: (of["checkpoint_seconds"], of["training_seconds"])
-        for name, of in times.items()
-        if of.get("checkpoint_seconds") and of.get("training_seconds")
+        for name, of in trained.items()
+        if of.get("checkpoint_seconds") is not None
     }
     over = {name: (stood, whole) for name, (stood, whole) in shares.items() if stood > LONGEST_PAUSE * whole}
     words = [
         f"`{name}` {100 * stood / whole:.1f} % ({stood:.2f} of {whole:.1f} s)" for name, (stood, whole) in over.items()
     ]
     return paragraph(
-        f"Of {len(shares)} stored runs with such a time ({len(stored) - len(shares)} older ones have none), "
+        f"Of {len(shares)} stored runs with such a time ({len(trained) - len(shares)} older ones have none), "
         f"{len(shares) - len(over)} stood still for checkpoints during "
         f"at most {100 * LONGEST_PAUSE:.0f} % of their training, which was the aim"
         + (f"; the others: {', '.join(words)}." if over else ".")

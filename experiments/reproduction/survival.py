@@ -21,7 +21,8 @@ def _killed(stored: Mapping[str, Any]) -> str:
     hits, ends, differing = stored["kills"], stored["ends"], stored["differing"]
     outcome = "all equal bit for bit to one that was let alone" if not differing else f"{differing} of them **differ**"
     text = f"""
-        Stored: {len(hits)} kills of `{shlex.join(stored["flags"])}`, which takes {stored["seconds"]:.0f} s let alone;
+        Stored: {len(hits)} kills of `{shlex.join(stored["flags"])}`, which takes {stored["seconds"]:.0f} s let alone,
+        with programs and traces of an earlier start on disk and modules loaded, so that little is compiled;
         {ends} runs came to their end, {outcome}. What was hit is read off the folder; the checkpoint may be one of the
         pre-training, and evaluating lasts to the end of the program. {origin([stored["where"]])}"""
     return f"{paragraph(text)}\n\n{_table(stored['phases'], hits)}"

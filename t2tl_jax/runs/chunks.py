@@ -150,9 +150,9 @@ def check_room(experiment: Experiment, program: Program, compiled: Any, waiting:
         return
     if waiting:
         what = f"the states of all seeds{' and a program' if on_cpu else ', which wait on the host,'} need"
-    may = "it may be ended for it, or be slow"
+    may = f"it may be ended for it, or be slow; {way_out(flags if on_cpu else sizes)}"
     warnings.warn(
-        f"{what} {_gib(wanted)} of memory, and this machine has free {_gib(free)}: {may}; {way_out(sizes)}",
+        f"{what} {_gib(wanted)} of memory, and this machine has free {_gib(free)}: {may}",
         Note,
         stacklevel=3,
     )

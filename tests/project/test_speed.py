@@ -59,10 +59,11 @@ def test_the_readme_shows_seeds_that_nothing_was_tuned_on():
 
 def test_pauses_of_checkpoints_are_those_of_the_stored_runs():
     """By hand from the files of the runs."""
-    shares = {}
+    shares, older = {}, 0
     for file in RESULTS.rglob("status.json"):
         times = json.loads(file.read_text(encoding="utf-8")).get("all_sessions", {})
-        if times.get("checkpoint_seconds") and times.get("training_seconds"):
+        older += bool(times.get("training_seconds")) and "checkpoint_seconds" not in times
+        if "checkpoint_seconds" in times and times.get("training_seconds"):
             shares[file.parent.relative_to(RESULTS).as_posix()] = (
                 times["checkpoint_seconds"] / times["training_seconds"]
             )
@@ -70,6 +71,7 @@ def test_pauses_of_checkpoints_are_those_of_the_stored_runs():
     said = speed.pauses(RESULTS)
     assert len(re.findall(r"`[^`]+` (\d\.\d) %", said)) == len(over) and len(shares) > 200
     assert f"{len(shares) - len(over)} stood still for checkpoints" in " ".join(said.split())
+    assert f"Of {len(shares)} stored runs with such a time ({older} older ones have none)" in " ".join(said.split())
     assert all(f"`{name}` {100 * share:.1f} %" in " ".join(said.split()) for name, share in over.items())
 
 
@@ -284,11 +286,16 @@ def test_aims_are_judged_by_what_is_stored(tmp_path):
     assert "1,280,000 frames/s are 10,000 gradient steps/s" in said and "T2TL makes 200,000 frames/s." in said
     (tmp_path / "benchmark_y.json").unlink()
     starts = {"with": [{"process": 40.0}, {"process": 9.31}], "without": [{"process": 41.0}, {"process": 10.0}]}
-    early = {"where": where, "note": "By hand.", "training": "x", "starts": starts}
-    (tmp_path / aims.EARLY).write_text(json.dumps(early))
-    assert "starts of `x` with programs on disk took 9.3 s so, and 10.0 s otherwise" in " ".join(
-        aims.aims(tmp_path).split()
-    )
+    alone, *others = aims.EARLY
+    (tmp_path / alone).write_text(json.dumps({"where": where, "note": "By hand.", "training": "x", "starts": starts}))
+    one = {"second": {"process": 12.0, "compiling": 1}, "first": {"process": 50.0, "compiling": 30.0}}
+    for name in others:
+        stored = {"where": where | {"cpu": "c"}, "settings": {"seeds": 12}, "starts": {"y": one}}
+        (tmp_path / name).write_text(json.dumps(stored))
+    said = " ".join(aims.aims(tmp_path).split())
+    assert "took 40.0 s with it, where nothing was compiled before, and 41.0 s without" in said
+    assert "later one took 9.3 s with it and 10.0 s without" in said and "`y` 12.0 s with it and 12.0 s without" in said
+    (tmp_path / aims.EARLY[-1]).unlink()
     for changed in ({"devices": ["NVIDIA H200"] * 2}, {"git_modified": True}):
         measured.write(tmp_path / "benchmark_x.json", where | changed, {}, [row])
         assert "Not measured yet" in aims.aims(tmp_path)

@@ -106,6 +106,9 @@ def test_what_is_too_large_for_a_processor_is_told(monkeypatch):
         Note, match=r"one seed needs .* GiB of memory, and this machine has free .* GiB: it may be ended"
     ):
         chunks.check_room(experiment, program, Compiled(memory + 1))
+    in_groups = SimpleNamespace(config=five_seeds(4))
+    with pytest.warns(Note, match="or be slow; smaller with --run.seeds-at-once;"):
+        chunks.check_room(in_groups, program, Compiled(memory + 1))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         chunks.check_room(experiment, program, Compiled(memory))

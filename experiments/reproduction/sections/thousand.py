@@ -33,5 +33,5 @@ def thousand(results: Path) -> str:
         Settings are chosen on seeds from {FIRST_TUNING_SEED} on; of the {len(below)} below {sum(below)} are solved
         ({rate(sum(below), len(below)).text()}). Every eighth iteration of the metrics is kept, and the last ones.
         No size of groups was asked for (`--run.seeds-at-once`), and the run told of none: all seeds fitted into the
-        memory of the GPU. Of groups on a GPU nothing is stored."""
+        memory of the GPU. Groups on a GPU are [elsewhere](usage.md#very-many-seeds-very-many-frames)."""
     return "\n\n".join((table(heading, [row]), paragraph(said), made_by([run])))
