@@ -6,8 +6,10 @@ is; and formulas with more to remember.
 """
 
 import sys
+import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -85,9 +87,13 @@ SHAPES: Mapping[str, Callable[[Sequence[str]], str]] = {"thirds": thirds, "chain
 
 
 def measure(shape: str, count: int, arguments: Arguments) -> dict[str, Any]:
-    """What one table takes to compile, and nanoseconds of a transition: from one row, and from all of them."""
-    import statistics
+    """What one table takes to compile, and nanoseconds of a letter that is looked up in one row, and in all of them.
 
+    Args:
+        shape: of the formula, a name of `SHAPES`.
+        count: of propositions.
+        arguments: of the command.
+    """
     import jax
     import jax.numpy as jnp
 
@@ -95,10 +101,9 @@ def measure(shape: str, count: int, arguments: Arguments) -> dict[str, Any]:
     from t2tl_jax.ltl import TaskTable, compile_tasks
 
     names = tuple(f"p{number}" for number in range(count))
-    text = SHAPES[shape](names)
-    compile_tasks("F p0", names)  # the first one also starts the backend
-    seconds = [_seconds(lambda: compile_tasks(text, names)) for _ in range(arguments.repeats)]
-    table, peak = _peak(lambda: compile_tasks(text, names))
+    make = partial(compile_tasks, SHAPES[shape](names), names)
+    compiling = rate(make, 1, arguments.repeats)
+    table, peak = _peak(make)
     shape_of_letters = (arguments.steps, arguments.batch)
     letters = jax.random.randint(jax.random.key(count), shape_of_letters, 0, table.num_letters, jnp.int32)
 
@@ -123,32 +128,19 @@ def measure(shape: str, count: int, arguments: Arguments) -> dict[str, Any]:
         "propositions": count,
         "rows": table.num_rows,
         "parts": len(table.branches),
-        "compile_s": {"median": statistics.median(seconds), "slowest": max(seconds)},
+        "compile_s": {"median": 1 / compiling.median, "slowest": 1 / compiling.slowest},
         "peak_mib": peak / 2**20,
         "table_mib": sum(array.nbytes for array in jax.tree.leaves(table)) / 2**20,
     }
     for name, call in {"step": one, "step_all": every}.items():
-        speed = rate(lambda call=call: call(table, letters), letters.size, arguments.repeats)  # type: ignore[misc]
+        speed = rate(partial(call, table, letters), letters.size, arguments.repeats)
         ends = {"median": speed.median, "fastest": speed.fastest, "slowest": speed.slowest}
         found[f"{name}_ns"] = {of: 1e9 / each for of, each in ends.items()}
     return found
 
 
-def _seconds(make: Callable[[], Any]) -> float:
-    """How long it takes, on the clock."""
-    import time
-
-    import jax
-
-    began = time.perf_counter()
-    jax.block_until_ready(make())
-    return time.perf_counter() - began
-
-
 def _peak(make: Callable[[], Any]) -> tuple[Any, int]:
     """What it makes, and the most bytes of Python's and NumPy's that it held meanwhile."""
-    import tracemalloc
-
     tracemalloc.start()
     made = make()
     peak = tracemalloc.get_traced_memory()[1]

@@ -72,7 +72,7 @@ def read_axes(texts: Sequence[str]) -> tuple[Axis, ...]:
     for text in texts:
         field, _, values = text.partition("=")
         axis = Axis(field.removeprefix("--").replace("-", "_"), tuple(value.strip() for value in values.split(",")))
-        if not all(axis.values):
+        if not (axis.field and all(axis.values)):
             raise UserError(f"--grid takes FIELD=VALUE,VALUE, such as learner.learning-rate=1e-4,3e-4, got {text!r}")
         if axis.field in (other.field for other in axes) or len(set(axis.values)) < len(axis.values):
             raise UserError(f"--grid {text}: every field and every value of it may be given once")

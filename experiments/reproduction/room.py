@@ -1,5 +1,6 @@
 """What large tables, many letters, replays of DQN, files of metrics and groups of seeds take, from stored results."""
 
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -111,5 +112,6 @@ def groups(results: Path) -> str:
         for one in stored["runs"]
     ]
     heading = ("training", "seeds", "at once", "iterations", "training", "all seeds together")
+    commands = "\n".join(f"    {shlex.join(one['command'])}" for one in stored["runs"])
     told = page.paragraph(f"{stored['note']} {stored['beside']} {page.origin([stored['where']])}")
-    return "\n\n".join((page.table(heading, rows), told))
+    return "\n\n".join((commands, page.table(heading, rows), told))

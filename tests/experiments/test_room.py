@@ -92,6 +92,7 @@ def test_a_file_is_written_and_read(tmp_path):
 def test_groups_are_shown_beside_seeds_side_by_side(tmp_path):
     assert shown.groups(tmp_path) == "Not measured yet."
     one = {"config": "x", "method": "t1tl", "seeds": 24, "at_once": 24, "asked": 0, "iterations": 3, "frames": 1000}
+    one |= {"command": ["python", "-m", "run", "--pretrained", ""]}
     runs = [
         one | {"training_seconds": 2.0},
         one | {"at_once": 12, "asked": 12, "training_seconds": 4.0},
@@ -99,7 +100,9 @@ def test_groups_are_shown_beside_seeds_side_by_side(tmp_path):
     ]
     stored = {"where": {}, "note": "Noted.", "beside": "Beside.", "runs": runs}
     (tmp_path / shown.GROUPS).write_text(json.dumps(stored))
-    lines = shown.groups(tmp_path).splitlines()
+    said = shown.groups(tmp_path).splitlines()
+    assert said[:3] == 3 * ["    python -m run --pretrained ''"]
+    lines = said[4:]
     assert lines[2] == "| `x:t1tl` | 24 | 24 | 3 | 2.0 s | 12,000 frames/s |"
     assert lines[3] == "| `x:t1tl` | 24 | 12 | 3 | 4.0 s | 6,000 frames/s |"
     assert lines[4] == "| `x:t1tl` | 24 | 8, chosen by the program | 3 | 6.0 s | 4,000 frames/s |"
