@@ -52,7 +52,15 @@ def replays(results: Path) -> str:
 def letters(results: Path) -> str:
     """What compiling and steps cost by the number of letters, of every device that it was measured on."""
     files = sorted(results.glob(LETTERS))
-    return "\n\n".join(_letters(read_json(file)) for file in files) or "Not measured yet."
+    if not files:
+        return "Not measured yet."
+    text = """
+        Every subset of the propositions is a letter (`python -m experiments.benchmarks.letters`). The formula `thirds`
+        is `F(A & F(B & F C))` with a third of them at once in each place; `chain` has one after the other; `pairs` has
+        any of the pairs of one from the first half and one from the second. Compiling is the median of all calls, and
+        the slowest. Memory is the most of Python and NumPy meanwhile, and the table. A step is one letter of a batch,
+        looked up in one row, or in all rows: the median of all calls, the fastest and the slowest."""
+    return "\n\n".join((page.paragraph(text), *(_letters(read_json(file)) for file in files)))
 
 
 def _letters(stored: Mapping[str, Any]) -> str:
@@ -67,12 +75,7 @@ def _letters(stored: Mapping[str, Any]) -> str:
         for one in found
     ]
     text = f"""
-        Every subset of the propositions is a letter (`python -m experiments.benchmarks.letters`). The formula `thirds`
-        is `F(A & F(B & F C))` with a third of them at once in each place; `chain` has one after the other; `pairs` has
-        any of the pairs of one from the first half and one from the second. Compiling is the median and the slowest of
-        {of["repeats"]} calls. Memory is the most of Python and NumPy meanwhile, and the table. A step is one letter in
-        a batch of {of["batch"]:,}, looked up in one row, or in all rows: the median of {of["repeats"]} calls of
-        {of["steps"]} batches, with the fastest and the slowest. {stored.get("beside", "")}
+        {of["repeats"]} calls each, of {of["steps"]} batches of {of["batch"]:,} letters. {stored.get("beside", "")}
         {page.origin([stored["where"]])}"""
     heading = ("formula", "propositions", "rows", "parts", "compiling (slowest)", "memory", "in one row", "in all rows")
     return "\n\n".join((page.paragraph(text), page.table(heading, rows)))

@@ -56,7 +56,7 @@ def test_tables_over_more_and_more_propositions_are_compiled_and_looked_up_in(tm
         for times in (one["step_ns"], one["step_all_ns"]):
             assert 0 < times["fastest"] <= times["median"] <= times["slowest"]
     said = shown.letters(tmp_path)
-    assert "| `thirds` | 22 | 5 | 2 |" in said and "median and the slowest of 2 calls" in " ".join(said.split())
+    assert "| `thirds` | 22 | 5 | 2 |" in said and "2 calls each, of 2 batches of 8 letters." in " ".join(said.split())
 
 
 def test_formulas_name_every_proposition():
