@@ -75,7 +75,8 @@ def _main(texts: Sequence[str]) -> int:
         from experiments.reproduction import launch, report, stored, work
         from experiments.reproduction.anytask import met
         from experiments.reproduction.items import GROUPS, ITEMS
-        from experiments.reproduction.page import page
+        from experiments.reproduction.page import SMOKE, page
+        from experiments.reproduction.pictures import say_above
         from experiments.reproduction.plan import Scale
         from experiments.reproduction.runs import AGENTS, MAPS, all_runs
         from t2tl_jax.runs import provenance
@@ -157,10 +158,13 @@ def _main(texts: Sequence[str]) -> int:
         for name, run in stored.load(base).items()
         if name in work.needed(runs, names) and work.is_done(runs[name], scale, base / name)
     }
+    smoke = arguments.scale == "smoke"
     shown, drawn = base / "results.md", report.drawings(finished, {}, finished)
     for picture in (one for name in items for one in drawn.get(name, [])):
         picture.draw(base / picture.file)
-    text = page(items, finished, smoke=arguments.scale == "smoke", pictures=report.shown_by(drawn))
+        if smoke:
+            say_above(base / picture.file, SMOKE.strip("*"))
+    text = page(items, finished, smoke=smoke, pictures=report.shown_by(drawn))
     shown.write_text(text, encoding="utf-8")
     print(shown.read_text(encoding="utf-8"))
     print(f"written: {shown}")

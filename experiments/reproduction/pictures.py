@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont, PngImagePlugin
 
 from experiments.paper import published_water, published_widths
 from experiments.paper.published_water import EPISODES, PHI_WATER
@@ -33,6 +33,9 @@ PUBLISHED_WATER = {
     "DFA_cont": "dfa_cont",
 }
 """The methods of the published curves on `phi_water`."""
+
+BAND = 24
+"""Height of the band above a picture that says what it is of, pixels."""
 
 MARKS = tuple(range(EPISODES[0], EPISODES[-1] + 1, 250))
 """Episodes at which curves by episode are drawn."""
@@ -73,6 +76,19 @@ def drawn(file: Path) -> str | None:
             return image.info.get(KEYWORD)
         comment = image.info.get("comment", b"")
         return comment.decode(errors="replace") or None
+
+
+def say_above(file: Path, text: str) -> None:
+    """Write a line into a band above a PNG; the digest that it was drawn with stays."""
+    with Image.open(file) as image:
+        below, digest = image.convert("RGB"), image.info.get(KEYWORD)
+    whole = Image.new("RGB", (below.width, below.height + BAND), (255, 255, 255))
+    whole.paste(below, (0, BAND))
+    ImageDraw.Draw(whole).text((8, 4), text, fill=(200, 0, 0), font=ImageFont.load_default(14))
+    noted = PngImagePlugin.PngInfo()
+    if digest is not None:
+        noted.add_text(KEYWORD, digest)
+    whole.save(file, pnginfo=noted)
 
 
 def pictures(paper: Mapping[str, Stored], short: Mapping[str, Stored]) -> dict[str, Picture]:

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from flax import struct
 
 from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training.compiler_options import compiler_options
 from t2tl_jax.training.program import OVER_SEEDS
 from t2tl_jax.training.types import Agent, AgentCarry, Params, repeated
 from t2tl_jax.training.unroll import Episode, Player, Step, begin, player_of, unroll
@@ -132,4 +133,4 @@ def player_of_seeds(
         gamma = env_params.numbers.get("discount", discount)
         return play(env, player, params, env_params, key, episodes, episode_length, gamma, deterministic)
 
-    return jax.jit(jax.vmap(one_seed, (0, OVER_SEEDS, 0)))
+    return jax.jit(jax.vmap(one_seed, (0, OVER_SEEDS, 0)), compiler_options=compiler_options())

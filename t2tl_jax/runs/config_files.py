@@ -5,6 +5,7 @@ Which dataclass an environment, a learner or a task encoder is, says its field `
 
 import json
 import operator
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
@@ -14,8 +15,8 @@ from typing import Any
 import cattrs
 
 from t2tl_jax.env import EnvConfig
-from t2tl_jax.errors import NotRegistered, UserError
-from t2tl_jax.ltl import TaskFamily
+from t2tl_jax.errors import Note, NotRegistered, UserError
+from t2tl_jax.ltl import Limits, TaskFamily
 from t2tl_jax.names import ALIKE, FEW, nearest
 from t2tl_jax.networks.state_encoder import StateEncoderConfig
 from t2tl_jax.networks.task_encoder import SequenceEncoderConfig, TaskEncoderConfig
@@ -121,13 +122,18 @@ def load(path: Path) -> Config:
     """Read a configuration from a file; raises ``UserError`` as ``from_json`` does, and for a missing file.
 
     Compiled programs are code, so the folder for them is never one that a file names: it is that of this machine, or
-    none if the file says none.
+    none if the file says none. A small file can ask for large tables: a `Note` says which of their limits it raises.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"cannot read {path}: {error}") from error
     config = from_json(text, str(path))
+    usual = vars(Limits())
+    raised = {name: value for name, value in vars(config.limits).items() if value > usual[name]}
+    if raised:
+        said = ", ".join(f"{name}={value:,} ({usual[name]:,} by default)" for name, value in raised.items())
+        warnings.warn(f"{path} raises limits of tables, which may take more memory and time: {said}", Note, 2)
     cache = config.run.compilation_cache and RunConfig().compilation_cache
     return replace(config, run=replace(config.run, compilation_cache=cache))
 

@@ -107,15 +107,28 @@ def open_existing(path: Path) -> tuple[RunFolder, Config]:
     """The folder and the configuration of an earlier run; its task is the run's own copy if it comes from a file.
 
     Raises:
-        UserError: if it is not a run, with the runs that lie nearby, if its configuration does not fit this version, or
-            if its task comes from a file of which it has no copy.
+        UserError: if it is not a run, with the runs that lie nearby, if it holds a link, if its configuration does not
+            fit this version, or if its task comes from a file of which it has no copy.
     """
     folder = RunFolder(path)
     if not folder.path.is_dir():
         raise UserError(f"there is no folder {path}{_runs_near(folder.path)}")
     if not folder.config.is_file():
         raise UserError(f"{path} is not a run: it has no {folder.config.name}{_runs_near(folder.path)}")
+    _check_links(folder.path)
     return folder, machine_files.with_copy(config_files.load(folder.config), folder.path)
+
+
+def _check_links(path: Path) -> None:
+    """Refuse a run in which something is a symbolic link: one from a stranger could lead anywhere, to be read or
+    written. The folder itself may be reached by one."""
+    for parent, folders, files in os.walk(path.resolve()):
+        for name in (*folders, *files):
+            if (found := Path(parent, name)).is_symlink():
+                raise UserError(
+                    f"{found} is a link to {os.readlink(found)}; a run holds none, since it would be read and written "
+                    "elsewhere. If it is yours, put in its place what it leads to"
+                )
 
 
 @contextmanager

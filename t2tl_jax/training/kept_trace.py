@@ -14,6 +14,7 @@ import jax
 from jax import export
 
 from t2tl_jax.training import trace_file, tree_names
+from t2tl_jax.training.compiler_options import compiler_options
 from t2tl_jax.training.types import EpisodeTotals, Metrics, TaskTotals
 
 SOON = 1.0
@@ -100,7 +101,8 @@ def iteration(file: Path, iterate: Callable[..., Any], state: Any, env_params: A
     def call(state: Any, env_params: Any) -> Any:
         return _tree(exported.call(_flat(state), _flat(env_params)), (state, metrics))
 
-    return jax.jit(call, donate_argnums=0, **placed).lower(state, env_params)
+    program = jax.jit(call, donate_argnums=0, compiler_options=compiler_options(), **placed)
+    return program.lower(state, env_params)
 
 
 def _traced(

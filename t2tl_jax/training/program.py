@@ -13,6 +13,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 from t2tl_jax.env import EnvParams, Purpose
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training import kept_trace
+from t2tl_jax.training.compiler_options import compiler_options
 from t2tl_jax.training.devices import SEEDS, fetched, padded, put
 from t2tl_jax.training.seeds import TRAINING, stream_keys
 from t2tl_jax.training.types import Agent
@@ -148,7 +149,8 @@ def trace(
         return jax.vmap(function, in_axes=axes, spmd_axis_name=None if sharding is None else SEEDS)
 
     def lowered(function: Any, *arguments: Any) -> Any:
-        return jax.jit(of_seeds(function), donate_argnums=0, **placed).lower(*arguments)
+        program = jax.jit(of_seeds(function), donate_argnums=0, compiler_options=compiler_options(), **placed)
+        return program.lower(*arguments)
 
     def meshed() -> Any:
         return nullcontext() if sharding is None else jax.set_mesh(sharding.mesh)  # type: ignore[arg-type]

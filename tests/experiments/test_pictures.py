@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from experiments.paper import published_water
-from experiments.reproduction.pictures import pictures
+from experiments.reproduction.pictures import BAND, drawn, pictures, say_above
 from experiments.reproduction.sections import benchmark, widths
 
 
@@ -40,3 +41,14 @@ def test_the_benchmark_has_a_picture_of_its_ten_tasks(make):
 
 def test_nothing_is_drawn_of_runs_that_are_not_there(make):
     assert set(pictures({}, {name: make(f"safe-{name}") for name in ("t2tl", "t1tl")})) == {"short"}
+
+
+def test_a_picture_can_say_above_what_it_is_of(tmp_path, make):
+    picture, file = pictures({"zone-t1tl": make("zone-t1tl")}, {})["fig-zone"], tmp_path / "x.png"
+    picture.draw(file)
+    with Image.open(file) as image:
+        before = np.asarray(image.convert("RGB"))
+    say_above(file, "Smoke test")
+    with Image.open(file) as image:
+        after = np.asarray(image.convert("RGB"))
+    assert (after[BAND:] == before).all() and (after[:BAND] < 100).any() and drawn(file) == picture.digest()

@@ -11,6 +11,8 @@ from flax import struct
 from envs.zones import ZoneConfig, ZoneEnv
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training import kept_trace
+from t2tl_jax.training import program as program_module
 from t2tl_jax.training.program import params_of_seeds, place_params, trace
 from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics
 
@@ -84,3 +86,15 @@ def test_what_is_lowered_later_is_what_was_traced(env, kept, tmp_path):
     with ThreadPoolExecutor() as threads:
         init = threads.submit(program.lowered_init.compile).result()
     assert program.state.params.dtype == init(program.keys, program.env_params).params.dtype == np.float64
+
+
+def test_iterations_are_compiled_with_the_options_of_the_device(env, monkeypatch, tmp_path):
+    unknown = {"xla_gpu_no_such_option": 1}
+    for module in (program_module, kept_trace):
+        monkeypatch.setattr(module, "compiler_options", lambda: unknown)
+    for kept in (None, tmp_path / "a.trace"):
+        traced = trace(counting(), (0,), params_of_seeds(env, (0,)), restartable=True, kept=kept)
+        traced.lowered_init.compile()  # no loop
+        for lowered in (traced.lowered_iterate, traced.lowered_restart):
+            with pytest.raises(jax.errors.JaxRuntimeError, match="xla_gpu_no_such_option"):
+                lowered.compile()
