@@ -1,6 +1,7 @@
 """The named configurations, registered as a user's would be; with them come the environments of this project."""
 
 from dataclasses import replace
+from typing import Any
 
 from envs import waterworld, zones
 from envs.waterworld import WaterWorldConfig
@@ -169,7 +170,8 @@ _RM_PUBLISHED_DQN = replace(
 )
 
 # With targets of 32 samples instead of 32 x 77, the learning rate of crm is too large.
-_RM_QL_DQN = replace(_RM_DQN, counterfactual=False, timeout_is_terminal=True, learning_rate=3e-5)
+_QL: dict[str, Any] = {"counterfactual": False, "timeout_is_terminal": True}
+_RM_QL_DQN = replace(_RM_DQN, **_QL, learning_rate=3e-5)
 
 register_config("zone_ppo", ZONE, "T2TL by PPO on phi_zone: three million frames after pre-training on the same task")
 register_config(
@@ -223,6 +225,11 @@ register_config(
     "rm_water_ql",
     replace(_RM_WATER, learner=_RM_QL_DQN),
     "the same, but every step teaches only the machine's own state (ql)",
+)
+register_config(
+    "rm_water_ql_published",
+    replace(_RM_WATER, learner=replace(_RM_PUBLISHED_DQN, **_QL)),
+    "rm_water_ql in the same published form, its learning rate included",
 )
 register_config(
     "rm_water_crm_shaped",

@@ -43,8 +43,9 @@ TUNED = {
     # There are maps 1 to 10 alone. On which of them crm's learning rate was chosen is not recorded: maybe on any.
     "rm_water_crm": Tuning("crm", tuple(range(1, 11))),
     "rm_water_crm_shaped": Tuning("crm", tuple(range(1, 11))),
-    # Its settings are the authors', of whose search the same is known.
+    # Their settings are the authors', of whose search the same is known.
     "rm_water_crm_published": Tuning("crm", tuple(range(1, 11))),
+    "rm_water_ql_published": Tuning("ql", tuple(range(1, 11))),
     "rm_water_ql": Tuning("ql", (5, 6, 7, 8)),
     "rm_water_ql_shaped": Tuning("ql", (5, 6, 7, 8)),
 }

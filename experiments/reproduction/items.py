@@ -203,6 +203,7 @@ PAPER_ITEMS: dict[str, Item] = {
         "The reward-machine benchmark",
         (
             *(f"rm-{one}{kind}" for one in ("", "single-") for kind in ("crm", "ql", "crm_shaped", "ql_shaped")),
+            "rm-ql-published",
             "rm-single-crm-slow",
             "rm-single-crm-published",
         ),

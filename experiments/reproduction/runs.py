@@ -305,6 +305,7 @@ def _benchmark(runs: dict[str, Run]) -> dict[str, Run]:
     single = _single_task(named_config("rm_water_crm"))
     slow = changed_learner(single.learner, learning_rate=PUBLISHED_RATE, anneal_learning_rate=False)
     new["rm-single-crm-slow"] = Run(replace(single, learner=slow), seeds=MAPS)
+    new["rm-ql-published"] = Run(named_config("rm_water_ql_published"), seeds=MAPS)
     new["rm-single-crm-published"] = Run(_single_task(named_config("rm_water_crm_published")), seeds=MAPS)
     return new
 
