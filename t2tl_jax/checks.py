@@ -150,6 +150,14 @@ def positive(config: object, *names: str) -> None:
             raise ValueError(f"{name} must be a finite number above 0, got {value}")
 
 
+def finite(config: object, *names: str) -> None:
+    """Fields that hold finite numbers."""
+    for name in names:
+        value = _number(name, getattr(config, name))
+        if not math.isfinite(value):
+            raise ValueError(f"{name} must be a finite number, got {value}")
+
+
 def not_negative(config: object, *names: str) -> None:
     """Fields that hold finite numbers, 0 or more."""
     for name in names:

@@ -141,7 +141,7 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "water-beginning": Item(
         "WaterWorld's first episodes, which score less than the published ones",
-        (*named.BEGINNING, measured.NAME),
+        (*named.BEGINNING, *(f"water-{method}{named.SOONER[-1]}" for method in named.SHORTLY), measured.NAME),
         chance.water_beginning,
     ),
     "pretraining-zone": Item(
@@ -189,7 +189,7 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "published-more": Item(
         "The published program on more seeds, and the sign of its critic at first",
-        published_more.MORE,
+        (*published_more.MORE, *named.VALUES),
         published_more.more_seeds,
         smoke=published_more.MORE[1:],
         beside=published_more.BEFORE,

@@ -59,6 +59,9 @@ SOONER = ("", "-per-16", "-short-exploration")
 
 BEGINNING = tuple(f"water-{name}{how}" for name in ("t1tl", "rm") for how in SOONER)
 
+SHORTLY = ("gnn", "dfa")
+"""Other methods that were trained in the last of these ways."""
+
 
 MORE_SEED = 36
 """The first of the published program's second runs, whose seeds are the numbers that come next, chosen before any of
@@ -68,6 +71,15 @@ MORE_SEEDS, FEWER_MORE_SEEDS = (",".join(map(str, range(MORE_SEED, end))) for en
 
 MORE = "-more"
 """What their names end with."""
+
+VALUE_SEED = 60
+"""The first seed of the runs of the published program whose critics are set below and above 0 at first, the number that
+comes next."""
+VALUE_SEEDS = ",".join(map(str, range(VALUE_SEED, 84)))
+VALUE_BIAS = 0.5
+"""By how much: of 36 critics 26 were nearer to 0 than this at first."""
+VALUES = {"zone-published-t1tl-value-below": -VALUE_BIAS, "zone-published-t1tl-value-above": VALUE_BIAS}
+"""What is added to the value of each of these runs."""
 
 
 def again_name(name: str) -> str:
@@ -207,7 +219,14 @@ def _published_more() -> dict[str, Run]:
     new[f"zone-published-t2tl{MORE}"] = Run(t2tl, _pretraining(new, f"zone-published{MORE}", t2tl))
     new = {name: replace(run, seeds=FEWER_MORE_SEEDS) for name, run in new.items()}
     new[f"zone-published-t1tl{MORE}"] = replace(t1tl, seeds=MORE_SEEDS)
-    return {name: replace(run, first_seed=MORE_SEED) for name, run in new.items()}
+    new = {name: replace(run, first_seed=MORE_SEED) for name, run in new.items()}
+    assert t1tl.config is not None
+    learner: Any = t1tl.config.learner
+    for name, bias in VALUES.items():
+        moved = changed_learner(learner, network=replace(learner.network, value_bias=bias))
+        config = replace(t1tl.config, learner=moved)
+        new[name] = replace(t1tl, config=config, seeds=VALUE_SEEDS, first_seed=VALUE_SEED)
+    return new
 
 
 def _published_in_closed_form() -> Config:
@@ -257,6 +276,11 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
             ("short-exploration", replace(config, learner=changed_learner(learner, **SHORT_EXPLORATION))),
         ):
             new[f"water-{name}-{variant}"] = Run(changed, before)
+
+    for method in SHORTLY:
+        config = apply(base, method)
+        config = replace(config, learner=changed_learner(config.learner, **SHORT_EXPLORATION))
+        new[f"water-{method}{SOONER[-1]}"] = Run(config, _pretraining(runs, "water", config))
 
     for method in ("t2tl", "t1tl", "gnn"):  # the encoder learns in all of them
         config = apply(base, method)

@@ -50,6 +50,8 @@ class NetworkConfig:
     only explores."""
     value_scale: float = 0.0
     """Length of the value head's initial weights: 1 as published, 0 for a critic that starts without an opinion."""
+    value_bias: float = 0.0
+    """The value head's initial bias, by which all values are higher at first."""
     observation: Literal["symlog", "raw"] = "symlog"
     """Squash the numbers of observations by sign(x) log(1 + |x|) (the accelerometer reaches 18), or feed them raw as
     published."""
@@ -61,6 +63,7 @@ class NetworkConfig:
     def __post_init__(self) -> None:
         checks.sizes(self, "env_layers", "actor_layers", "critic_layers")
         checks.not_negative(self, "mean_scale", "value_scale")
+        checks.finite(self, "value_bias")
         check_context(self.context, self.state, by_task=True)
 
     @property
@@ -138,12 +141,14 @@ class Critic(nn.Module):
 
     layers: tuple[int, ...]
     output_scale: float
+    output_bias: float
 
     @nn.compact
     def __call__(self, features: jax.Array) -> jax.Array:
         """features [..., D] -> [...]."""
         x = _mlp(features, self.layers, nn.tanh, "dense")
-        return nn.Dense(1, kernel_init=unit_norm(self.output_scale), name="value")(x)[..., 0]
+        weights, bias = unit_norm(self.output_scale), nn.initializers.constant(self.output_bias)
+        return nn.Dense(1, kernel_init=weights, bias_init=bias, name="value")(x)[..., 0]
 
 
 class ActorCritic(RecurrentNetwork):
@@ -163,7 +168,7 @@ class ActorCritic(RecurrentNetwork):
         self.task_encoder: TaskEncoder = make_task_encoder(self.config.task_encoder)
         self.environment_encoder = EnvironmentEncoder(self.config, self.objects)
         self.actor = Actor(self.config.actor_layers, self.action_size, self.config.mean_scale, self.discrete)
-        self.critic = Critic(self.config.critic_layers, self.config.value_scale)
+        self.critic = Critic(self.config.critic_layers, self.config.value_scale, self.config.value_bias)
         if self.config.context is not None:
             encoder: Any = CarriedEncoder if self.config.context.carried else ContextEncoder
             self.context_encoder = encoder(self.config.context, self.action_size if self.discrete else None)

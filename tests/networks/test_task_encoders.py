@@ -154,6 +154,7 @@ def test_machines_have_codes_but_nothing_to_read():
         (lambda: RGCNConfig(layers=0), "at least 1"),
         (lambda: NetworkConfig(env_layers=(64, 0)), r"env_layers are sizes of layers, each at least 1, got \(64, 0\)"),
         (lambda: NetworkConfig(value_scale=math.nan), "value_scale must be a finite number"),
+        (lambda: NetworkConfig(value_bias=-math.inf), "value_bias must be a finite number"),
         (lambda: QNetworkConfig(state_layers=(0,)), "state_layers are sizes"),
         (lambda: QNetworkConfig(task_layer=0), "task_layer must be at least 1"),
         (lambda: QNetworkConfig(head_layers=(0,)), "head_layers are sizes"),
