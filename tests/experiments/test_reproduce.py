@@ -18,7 +18,7 @@ from experiments.fairness import sizes
 from experiments.reproduction import claims, items, locks, measures, representations, stored, work
 from experiments.reproduction.page import SMOKE, named, page
 from experiments.reproduction.plan import Item, Run, Scale
-from experiments.reproduction.runs import AGENTS, MAPS, MORE, TIMED, again_name, all_runs
+from experiments.reproduction.runs import AGENTS, MAPS, MORE, TIMED, VALUES, again_name, all_runs
 from experiments.reproduction.sections import unit_time
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
@@ -265,9 +265,9 @@ def test_no_run_is_on_seeds_that_settings_were_chosen_on(runs):
             seeds, in_zones = set(parse_seeds(Scale("full", "12").apply(run).seeds)), run.first_seed > 0
             assert in_zones == name.startswith(("zone-", "safe-", "prime-", "any-")), name
             assert not seeds & (searched if in_zones else set(tuning.TUNED["waterworld_dqn"].seeds)), name
-            more = name.startswith("zone-published") and MORE in name
-            assert seeds <= set(range(run.first_seed, run.first_seed + (24 if more else 12))), name
-            later = {"any-flat": 40, "any-zones": 60, "any-water": 60}
+            more, moved = name.startswith("zone-published") and MORE in name, name in VALUES
+            assert seeds <= set(range(run.first_seed, run.first_seed + (24 if more or moved else 12))), name
+            later = {"any-flat": 40, "any-zones": 60, "any-water": 60} | dict.fromkeys(VALUES, 60)
             last = "-solved-" in name or name.endswith("-strict")
             first = 76 if "-broad-" in name else 88 if last else 36 if more else later.get(name, 24 if in_zones else 0)
             assert run.first_seed == first, name
