@@ -141,8 +141,9 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "water-beginning": Item(
         "WaterWorld's first episodes, which score less than the published ones",
-        (*named.BEGINNING, *(f"water-{method}{named.SOONER[-1]}" for method in named.SHORTLY), measured.NAME),
+        (*named.BEGINNING, *named.SHORTLY.values(), measured.NAME),
         chance.water_beginning,
+        beside=tuple(named.SHORTLY),
     ),
     "pretraining-zone": Item(
         "Pre-training in ZoneEnv: none, on the task, on random formulas",

@@ -8,8 +8,8 @@ import pytest
 from experiments.reproduction import stored
 from experiments.reproduction.items import ITEMS
 from experiments.reproduction.page import page
-from experiments.reproduction.runs import all_runs
-from experiments.reproduction.sections import critic_sign, figures, published_more
+from experiments.reproduction.runs import VALUE_BIAS, VALUES, all_runs
+from experiments.reproduction.sections import critic_moved, critic_sign, figures, published_more
 from experiments.reproduction.stored import Stored
 from t2tl_jax.registry import named_config
 from tests.made_up_runs import played, rows
@@ -124,10 +124,49 @@ def test_the_published_mean_lies_where_it_lies(begun):
     assert published_more.place(published_more._end([runs[SECOND]]), 0.1) == "below it"
 
 
+@pytest.mark.parametrize(
+    ("below", "above", "p", "said"),
+    [
+        (9, 0, "0.0039", "makes more seeds solve the task, as the inference has it."),
+        (0, 9, "0.0039", "makes fewer seeds solve the task, against the inference."),
+        (3, 1, "0.62", "So it is not shown that the sign makes a difference."),
+        (0, 0, "1)", "So it is not shown that the sign makes a difference."),
+    ],
+)
+def test_who_solves_it_alone_decides_whether_the_sign_matters(begun, below, above, p, said):
+    solved = [True] * below + [False] * (12 - below), [False] * (12 - above) + [True] * above
+    runs = {
+        name: begun(name, [bias] * 12, [4] * 12, done)
+        for (name, bias), done in zip(VALUES.items(), solved, strict=True)
+    }
+    text = " ".join(critic_moved.moved(runs, 0.6).split())
+    assert f"{below} seeds solve it below 0 alone and {above} above 0 alone" in text
+    assert f"p {p}" in text and said in text
+    low, high = VALUES
+    assert f"| {low} | 36-47 | 12/12 | {below}/12 |" in text and f"| {high} | 36-47 | 0/12 | {above}/12 |" in text
+
+
+def test_nothing_is_said_of_one_sign_alone(begun):
+    (low, bias), _ = VALUES.items()
+    assert critic_moved.moved({low: begun(low, [bias] * 12, [4] * 12, [True] * 12)}, 0.6) == ""
+
+
+def test_critics_begin_where_they_are_set():
+    """The two runs differ in the bias alone, and from the run of before in that and the seeds."""
+    runs = all_runs()
+    for name, bias in VALUES.items():
+        network = runs[name].config.learner.network
+        assert network.value_bias == bias and abs(bias) == VALUE_BIAS
+        learner = runs[name].config.learner
+        same = dataclasses.replace(learner, network=dataclasses.replace(network, value_bias=0.0))
+        assert dataclasses.replace(runs[name].config, learner=same) == runs[FIRST].config
+
+
 def test_the_page_shows_it_before_the_runs_are_there_and_does_not_have_others_done():
     item = ITEMS["published-more"]
-    assert item.names("full") == published_more.MORE and set(item.names("smoke")) < set(published_more.MORE)
-    assert "Not measured yet: zone-published-t1tl-more, zone-published-t2tl-more." in page({"x": item}, {}, smoke=False)
+    assert item.names("full") == (*published_more.MORE, *VALUES)
+    assert set(item.names("smoke")) < set(published_more.MORE)
+    assert f"Not measured yet: {', '.join(item.names('full'))}." in " ".join(page({"x": item}, {}, smoke=False).split())
     kept = stored.load(stored.REPOSITORY / "results" / "paper")
     text = " ".join(item.section({name: kept[name] for name in published_more.BEFORE}).split())
     assert f"Below 0 begin 2 of 12 (25, 28) in {FIRST};" in text

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.reproduction.runs import BEGINNING
-from experiments.reproduction.sections import water_windows
+from experiments.reproduction.runs import BEGINNING, SHORTLY
+from experiments.reproduction.sections import chance, figures, water_windows
 from experiments.reproduction.sections.figures import SOONER_PUBLISHED
 from tests.made_up_runs import rows
 
@@ -97,3 +97,20 @@ def test_the_conclusion_is_drawn_only_from_what_shows_it(said, changed, start):
 
 def test_nothing_is_concluded_while_a_run_is_missing(said):
     assert concluded(said(AS_STORED, BEGINNING[:-1])) == []
+
+
+def test_other_methods_have_tables_of_their_own(make):
+    """Usual runs fail in every episode; those that explore for a short time succeed in all but the first iterations."""
+    fails, learns = np.zeros(100), np.repeat([0.0, 1.0], [2, 98])
+    runs = {}
+    for usual, short in SHORTLY.items():
+        for name, success in ((usual, fails), (short, learns)):
+            rates = {"success_rate": [success] * 4, "violation_rate": [1 - success] * 4}
+            runs[name] = make(name, iterations=100, episodes=100.0, **rates)
+    text = chance.water_beginning(runs)
+    assert figures.other_beginnings({name: runs[name] for name in SHORTLY}) == ""
+    assert "| episode | dfa | dfa-short-exploration | gnn | gnn-short-exploration | DFA, published |" in text
+    assert "| 500 | -1.000 | 0.200 | -1.000 | 0.200 | -0.96 | -0.89 |" in text
+    assert "water-gnn-short-exploration - water-gnn | " in text and "rm" not in text.partition("**Other methods.**")[0]
+    flat = " ".join(text.split())
+    assert "Below the published mean at none of these marks." in flat and "water-gnn at episodes 500 to 3,000" in flat

@@ -6,6 +6,7 @@ from typing import Any
 from experiments.paper.published_water import EPISODES, PHI_WATER
 from experiments.reproduction.chance import FILE, NAME
 from experiments.reproduction.page import table
+from experiments.reproduction.runs import SHORTLY
 from experiments.reproduction.sections import figures
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import returns_at
@@ -19,8 +20,11 @@ FIRST = EPISODES[0]
 
 def water_beginning(runs: Mapping[str, Stored]) -> str:
     """The first episodes of trainings, and what chance gets."""
+    others = {name: runs[name] for name in (*SHORTLY, *SHORTLY.values()) if name in runs}
+    runs = {name: run for name, run in runs.items() if name not in others}
     trained = {name: run for name, run in runs.items() if name != NAME}
-    return "\n\n".join(part for part in (figures.water_beginning(trained), random_play(runs)) if part)
+    parts = (figures.water_beginning(trained), figures.other_beginnings(others), random_play(runs))
+    return "\n\n".join(part for part in parts if part)
 
 
 def random_play(runs: Mapping[str, Stored]) -> str:

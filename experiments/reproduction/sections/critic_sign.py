@@ -18,7 +18,7 @@ WHAT = """The sign is that of the critic's value in the first iteration of train
 its gradient steps. The weights of the value are drawn evenly about 0, so that half of all seeds should begin below
 0."""
 
-WHY = """What the sign does is our inference, and was not tried. Successes are rare at first, a time-out is an end, and
+WHY = """What the sign does is our inference. Successes are rare at first, a time-out is an end, and
 advantages are not normalised. What a step does is then hardly ever paid, so that its advantage has on average the
 opposite sign of the value. Above 0 most actions seem worse than was expected: the policy moves away from what it does,
 and its noise soon grows to its limit. Below 0 most seem better, which holds the noise back."""

@@ -13,10 +13,10 @@ from experiments.reproduction import below
 from experiments.reproduction import runs as named
 from experiments.reproduction.cells import cost_line, share, text
 from experiments.reproduction.claims import differences
-from experiments.reproduction.page import table
+from experiments.reproduction.page import paragraph, table
 from experiments.reproduction.sections.ablation import ablation
 from experiments.reproduction.sections.settings import settings, what_differs
-from experiments.reproduction.sections.water_windows import by_window
+from experiments.reproduction.sections.water_windows import by_window, short_windows
 from experiments.reproduction.stored import Stored, last_ones
 from experiments.reproduction.tables import (
     MEAN_AT_EPISODES,
@@ -93,7 +93,10 @@ BEGINNING_NOTE = """The default makes one gradient step after every 128 steps of
 settings of `waterworld_dqn` before its present ones, and on which maps those were chosen is not recorded.
 `short-exploration` differs from `per-16` in one thing: random actions fade over the first 1 % of the frames instead of
 5 %. How many updates and how much exploration the published curves had is not published, nor are the balls' radius and
-speed. Of the other methods no such runs were made."""
+speed."""
+
+OTHER_BEGINNINGS = """**Other methods.** GNN and DFA were trained with the settings of `short-exploration` too, from
+which their usual runs differ as `t1tl` does. T2TL and DFA with context were not: they take several times as long."""
 
 
 def zone_figure(runs: Mapping[str, Stored]) -> str:
@@ -155,6 +158,30 @@ def water_beginning(runs: Mapping[str, Stored]) -> str:
         BEGINNING_NOTE,
         by_window(runs, SOONER_PUBLISHED),
         cost_line(runs),
+    )
+
+
+def other_beginnings(runs: Mapping[str, Stored]) -> str:
+    """The same of the other methods of which there are such runs, beside their usual ones."""
+    if not runs.keys() & set(named.SHORTLY.values()):
+        return ""
+    marks = [mark for mark in published_water.EPISODES if mark <= 3000]
+    published = {name: published_water.PHI_WATER["GNN_pre" if "gnn" in name else "DFA"] for name in runs}
+    labels = {name: name.removeprefix("water-") for name in sorted(runs)}
+    means = {name: mean_return_at(run, marks) for name, run in runs.items()}
+    pairs = [(name, usual) for usual, name in named.SHORTLY.items()]
+    return _joined(
+        paragraph(OTHER_BEGINNINGS),
+        curves_by_episode(
+            {name: runs[name] for name in labels},
+            labels,
+            marks,
+            {name: curve for name, curve in published_water.PHI_WATER.items() if curve in published.values()},
+        ),
+        differences(runs, pairs, means, MEAN_AT_EPISODES, ()),
+        below.by_episode(runs, published, marks),
+        short_windows(runs, published),
+        cost_line({name: runs[name] for name in named.SHORTLY.values() if name in runs}),
     )
 
 

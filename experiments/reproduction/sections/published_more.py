@@ -10,6 +10,8 @@ from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import below
 from experiments.reproduction.cells import COST, cost
 from experiments.reproduction.page import paragraph, table
+from experiments.reproduction.runs import VALUES
+from experiments.reproduction.sections.critic_moved import moved
 from experiments.reproduction.sections.critic_sign import begun, by_sign, split
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import curves_by_frames
@@ -42,21 +44,24 @@ whose seeds and signs are not known; how far they would differ with other seeds 
 
 
 def more_seeds(runs: Mapping[str, Stored]) -> str:
-    """Final figures, by themselves and together, the curves of the new runs, outcomes by the critic's sign, and what
-    remains."""
+    """Final figures, by themselves and together, the curves of the new runs, outcomes by the critic's sign and by
+    setting it, and what remains."""
     if not runs:
         return ""
+    with_bias = {name: runs[name] for name in VALUES if name in runs}
+    runs = {name: run for name, run in runs.items() if name not in VALUES}
     new = {name: runs[name] for name in MORE if name in runs}
     published = {name: PUBLISHED[name] for name in new}
     labels = {name: name for name in new}
     parts = (
-        _figures(runs),
+        _figures(runs) if runs else "",
         paragraph(DIFFER) if set(GROUPS["T2TL, all"]) <= runs.keys() else "",
         curves_by_frames(new, labels, published_widths.FRAMES, published) if new else "",
         below.by_frames(new, published, published_widths.FRAMES),
         by_sign(runs, GROUPS, MORE),
+        moved(with_bias, _T1TL[1][-1]),
         first_gradients(runs),
-        remains(runs),
+        remains(runs) if runs else "",
     )
     return "\n\n".join(part for part in parts if part)
 

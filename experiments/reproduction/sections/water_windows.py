@@ -56,6 +56,13 @@ def by_window(runs: Mapping[str, Stored], published: Published) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
+def short_windows(runs: Mapping[str, Stored], published: Published) -> str:
+    """Where the runs that explore for the shortest time are below, for each window; '' without such runs."""
+    short = {name: run for name, run in runs.items() if _is_short(name)}
+    values = {name: {window: returns_at(run, MARKS, window) for window in WINDOWS} for name, run in short.items()}
+    return _short_exploration(values, published)
+
+
 def _rows(values: Values, published: Published) -> list[tuple[str, ...]]:
     return [
         (

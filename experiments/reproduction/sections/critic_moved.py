@@ -1,0 +1,78 @@
+"""The published program with its critic set below and above 0 at first: whether the sign makes the difference."""
+
+from collections.abc import Mapping
+
+from scipy import stats
+
+from experiments.reproduction.cells import median_frames
+from experiments.reproduction.page import paragraph, table
+from experiments.reproduction.runs import VALUE_BIAS, VALUES
+from experiments.reproduction.sections.critic_sign import Begun, begun
+from experiments.reproduction.stored import Stored
+from experiments.tuning import in_words
+from t2tl_jax.evaluation import statistics
+from t2tl_jax.evaluation.statistics import CONFIDENCE
+
+TRIED = f"""That was tried: every one of these seeds was trained twice, once with {VALUE_BIAS:g} taken from the critic's
+value at first and once with as much added, by the bias of its last layer (`network.value_bias`). All else that is drawn
+is the same, and the two differ in nothing else. The seeds are the next numbers, chosen before any of their outcomes was
+known."""
+
+
+def moved(runs: Mapping[str, Stored], published: float) -> str:
+    """Outcomes of both runs, the test of who solves the task, and what it says; '' until both are there.
+
+    Args:
+        runs: those that are there.
+        published: the published mean at the end.
+    """
+    if not runs.keys() >= VALUES.keys():
+        return ""
+    below, above = ({seed.seed: seed for seed in begun(runs[name])} for name in VALUES)
+    both = sorted(below.keys() & above.keys())
+    if not both:
+        return ""
+    pairs = [(below[seed], above[seed]) for seed in both]
+    rows = [_row(name, of) for name, of in zip(VALUES, zip(*pairs, strict=True), strict=True)]
+    heading = (
+        *("run", "seeds", "begin below 0", "solved", "return at the end"),
+        "frames until the noise is at its limit, median",
+    )
+    return "\n\n".join((paragraph(TRIED), table(heading, rows), paragraph(_said(pairs, published))))
+
+
+def _row(name: str, seeds: tuple[Begun, ...]) -> tuple[str, ...]:
+    return (
+        name,
+        in_words([seed.seed for seed in seeds]),
+        f"{sum(seed.value < 0 for seed in seeds)}/{len(seeds)}",
+        f"{sum(seed.solved for seed in seeds)}/{len(seeds)}",
+        statistics.mean([seed.end for seed in seeds]).text(),
+        median_frames([seed.limit for seed in seeds]),
+    )
+
+
+def _said(pairs: list[tuple[Begun, Begun]], published: float) -> str:
+    low, high = (sum(a.solved and not b.solved for a, b in some) for some in (pairs, [(b, a) for a, b in pairs]))
+    p = float(stats.binomtest(low, low + high).pvalue) if low + high else 1.0
+    gap = statistics.mean([a.end - b.end for a, b in pairs])
+    if p < 1 - CONFIDENCE and low > high:
+        shown = (
+            "So a critic that begins below 0 makes more seeds solve the task, as the inference has it. By what way, "
+            "whether through the noise, the test does not say."
+        )
+    elif p < 1 - CONFIDENCE:
+        shown = "So a critic that begins below 0 makes fewer seeds solve the task, against the inference."
+    else:
+        shown = "So it is not shown that the sign makes a difference."
+    end = statistics.mean([a.end for a, _ in pairs])
+    rest = (
+        f" Below 0 the return at the end, {end.text()}, is still below the published mean, {published:.2f}: the sign "
+        "does not explain all of it."
+        if end.high is not None and end.high < published
+        else f" Below 0 the return at the end is {end.text()}; published is a mean of {published:.2f}."
+    )
+    return (
+        f"{low} seeds solve it below 0 alone and {high} above 0 alone (McNemar's exact test, two-sided: p {p:.2g}). "
+        f"The return at the end is higher below 0 by {gap.text()}, paired. {shown}{rest}"
+    )
