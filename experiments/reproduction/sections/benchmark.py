@@ -23,13 +23,16 @@ SINGLE = {f"rm-single-{name.removeprefix('rm-')}": published for name, published
 TEN_CLAIMS = [("rm-crm", "rm-ql"), ("rm-crm_shaped", "rm-ql_shaped")]
 """Learning every state's experience is better, as the paper of reward machines has it."""
 
-TEN_PAIRS = [*TEN_CLAIMS, ("rm-crm", "rm-crm_shaped"), ("rm-ql", "rm-ql_shaped")]
+TEN_PAIRS = [*TEN_CLAIMS, ("rm-crm", "rm-crm_shaped"), ("rm-ql", "rm-ql_shaped"), ("rm-ql-published", "rm-ql")]
 
 SLOW = "-slow"
 """Ending of the name of a run that has the published learning rate instead of ours."""
 
 FORM = "-published"
 """The same of a run that has the published network and clipping too."""
+
+TEN_KINDS = TEN | {f"rm-ql{FORM}": "ql"}
+"""All runs of the ten tasks by the published ones that they stand beside."""
 
 SINGLE_KINDS = SINGLE | {f"rm-single-crm{ending}": "crm" for ending in (SLOW, FORM)}
 """All runs of the single task by the published ones that they stand beside."""
@@ -38,6 +41,7 @@ SINGLE_PAIRS = [
     *(
         (f"rm-single-{first.removeprefix('rm-')}", f"rm-single-{second.removeprefix('rm-')}")
         for first, second in TEN_PAIRS
+        if {first, second} <= TEN.keys()
     ),
     (f"rm-single-crm{SLOW}", "rm-single-crm"),
     (f"rm-single-crm{FORM}", "rm-single-crm"),
@@ -197,7 +201,7 @@ def settings(runs: Mapping[str, Stored]) -> str:
         each.append((how, name))
     same = {how: [name for what, name in each if what == how] for how, _ in each}
     ours = [f"{', '.join(names)}: {how}." for how, names in same.items()]
-    return "\n".join([*ours, PUBLISHED_SETTINGS] if {*TEN, *SINGLE_KINDS} & {*runs} else ours)
+    return "\n".join([*ours, PUBLISHED_SETTINGS] if {*TEN_KINDS, *SINGLE_KINDS} & {*runs} else ours)
 
 
 def evaluated(runs: Mapping[str, Stored]) -> list[str]:
@@ -225,7 +229,7 @@ def behind(curves: Mapping[str, Mapping[int, np.ndarray]]) -> str:
     return below.listed(
         {
             name: below.marks(np.array(list(curves[name].values())), published_water.STEPS, *means[:1])
-            for name, means in ((name, published_water.SCORES[published]) for name, published in TEN.items())
+            for name, means in ((name, published_water.SCORES[published]) for name, published in TEN_KINDS.items())
             if name in curves
         },
         "after {} steps",
@@ -235,7 +239,7 @@ def behind(curves: Mapping[str, Mapping[int, np.ndarray]]) -> str:
 def how_far_behind(curves: Mapping[str, Mapping[int, np.ndarray]]) -> str:
     """By how much the means of ql are below the published ones at these steps, from the least to the most."""
     each = []
-    for name, published in TEN.items():
+    for name, published in TEN_KINDS.items():
         if name in curves and "ql" in name:
             gaps = np.array(published_water.SCORES[published][0]) - np.mean(list(curves[name].values()), axis=0)
             under = gaps[gaps > 0]
