@@ -20,7 +20,7 @@ from scipy import stats
 from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
 from t2tl_jax import checks
-from t2tl_jax.errors import did_you_mean, explained
+from t2tl_jax.errors import UserError, did_you_mean, explained
 from t2tl_jax.flags import parse
 
 
@@ -29,7 +29,7 @@ class Arguments:
     """Time forms of the same work beside each other, and count their arithmetic."""
 
     steps: tuple[str, ...] = ()
-    """Which of them, such as guard or next_state; by default all."""
+    """Which of them, such as guard or next_state; by default all but those of GPUs alone (graphs_t1tl and so on)."""
     repeats: int = 5
     """Timed calls of each form; the median of the ratios of neighbouring calls is reported, from six calls on with its
     interval."""
@@ -39,8 +39,8 @@ class Arguments:
     def __post_init__(self) -> None:
         checks.counts(self, "repeats")
         for name in self.steps:
-            if name not in STEPS:
-                raise ValueError(f"steps: there is no {name!r}{did_you_mean(name, STEPS)}; known: {', '.join(STEPS)}")
+            if name not in (known := STEPS | ON_GPUS):
+                raise ValueError(f"steps: there is no {name!r}{did_you_mean(name, known)}; known: {', '.join(known)}")
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,21 @@ def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.gains", description=__doc__)
     json_file.check(arguments.json)
     found = {}
+    for name in filter(ON_GPUS.__contains__, arguments.steps):
+        _check_gpu(name)
     with explained():
         for name in arguments.steps or STEPS:
-            found[name] = compare(*STEPS[name](), arguments.repeats)
+            found[name] = compare(*(STEPS | ON_GPUS)[name](), arguments.repeats)
             print(f"{name}: {found[name]}", flush=True)
     json_file.store(arguments, "experiments.benchmarks.gains", texts, steps=found)
     return 0
+
+
+def _check_gpu(name: str) -> None:
+    from t2tl_jax.training.compiler_options import compiler_options
+
+    if not compiler_options():
+        raise UserError(f"{name} is a step on NVIDIA GPUs, and there is none here, or XLA_FLAGS names its options")
 
 
 def compare(before: Form, after: Form, repeats: int) -> Mapping[str, float | None]:
@@ -190,6 +199,22 @@ def guard(seeds: int = 1) -> tuple[Form, Form]:
     return _iteration(config), without
 
 
+def graphs(text: str, seeds: int) -> tuple[Form, Form]:
+    """An iteration whose kernels the host starts one after another, and one as CUDA graphs; alike but on NVIDIA GPUs.
+
+    Args:
+        text: the training.
+        seeds: how many.
+    """
+    from experiments.benchmarks.trainings import training
+    from t2tl_jax.training import kept_trace, program
+
+    config = replace(training(text), seeds=str(seeds))
+    with patch.object(program, "compiler_options", dict), patch.object(kept_trace, "compiler_options", dict):
+        before = _iteration(config)
+    return before, _iteration(config)
+
+
 def _iteration(config: Any) -> Form:
     import jax
 
@@ -221,6 +246,14 @@ STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "guard_12": partial(guard, 12),
 }
 """Both forms of each step, the slow one first."""
+
+ON_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
+    "graphs_t1tl": partial(graphs, "zone_ppo_long:t1tl", 12),
+    "graphs_t2tl": partial(graphs, "zone_ppo_long:t2tl", 12),
+    "graphs_closed_form": partial(graphs, "zone_ppo_long:t1tl:closed_form", 12),
+    "graphs_dqn": partial(graphs, "waterworld_dqn:t1tl", 12),
+}
+"""Likewise; these are steps on NVIDIA GPUs alone, and done where they are asked for."""
 
 
 if __name__ == "__main__":

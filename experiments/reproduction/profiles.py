@@ -24,6 +24,10 @@ STEPS = {
     "next_state": "DQN: no gradient through s' (a gradient step of T1TL; predicted by the compiler's count)",
     "guard": "no gain but a price: with seeds frozen that are not finite, against without (an iteration, closed form)",
     "guard_12": "the same with twelve seeds",
+    "graphs_t1tl": "loops as CUDA graphs: T1TL, twelve seeds (an iteration, MJX)",
+    "graphs_t2tl": "the same of T2TL",
+    "graphs_closed_form": "the same of T1TL in closed form",
+    "graphs_dqn": "the same of DQN, T1TL in WaterWorld",
 }
 """What the steps of `experiments.benchmarks.gains` are."""
 
@@ -32,6 +36,7 @@ LIKE = {
     "zone_ppo_closed_form": "zone_ppo",
     "rm_water_crm_shaped": "rm_water_crm",
     "rm_water_crm_published": "rm_water_crm",
+    "rm_water_ql_published": "rm_water_ql",
     "rm_water_ql_shaped": "rm_water_ql",
     "rm_water_parallel": "rm_water_crm",
     "pretrain_zone_published": "pretrain_zone",

@@ -16,6 +16,7 @@ from experiments.reproduction.attention_picture import AttentionPicture, attenti
 from experiments.reproduction.cells import text
 from experiments.reproduction.changed import changed
 from experiments.reproduction.episode import EpisodeGIF
+from experiments.reproduction.graphs import graphs
 from experiments.reproduction.items import PAPER_ITEMS
 from experiments.reproduction.measures import frames_before, frames_to
 from experiments.reproduction.method_table import method_table
@@ -104,6 +105,7 @@ def documentation(root: Path) -> Documentation:
             "smoke": whole_paper.smoke(results),
             "profiles": profiles.profiles(results),
             "gains": profiles.gains(results),
+            "graphs": graphs(results),
             "scaling": scaling(results),
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),

@@ -83,7 +83,7 @@ def scaling(results: Path) -> str:
         ]
         columns = ("what", "one device", "several devices", "ratio (range)")
         parts += [table(columns, rows), origin([versions for versions, _ in here]), _what_limits(grown)]
-    parts.append(_less_busy(results, [(where["devices"][0], pair) for where, found in same_work for pair in found]))
+    parts.append(_less_busy(results, [(where, pair) for where, found in same_work for pair in found]))
     return "\n\n".join(part for part in parts if part) or NOTHING
 
 
@@ -181,28 +181,33 @@ def _what_limits(found: Sequence[Pair]) -> str:
     )
 
 
-def _less_busy(results: Path, shared: Sequence[tuple[str, Pair]]) -> str:
+def _less_busy(results: Path, shared: Sequence[tuple[Mapping[str, Any], Pair]]) -> str:
     """What several devices could make of the same seeds if each only had fewer of them: by what one device of the kind
-    makes of fewer, of whatever commit; '' where that is not known."""
-    newest: dict[tuple[str, tuple[str, ...]], float] = {
-        (where["devices"][0], row.key): row.rate
+    makes of fewer, by the same commit or, where there is no such figure, by the last one before; '' where neither is
+    known."""
+    alone = [
+        (where, row)
         for where, rows in in_time(results)
         if len(where["devices"]) == 1 and _setting(where) is not None
         for row in rows
-    }
+    ]
     said, kept = [], []
-    for kind, pair in shared:
-        fewer = newest.get((kind, of_each(pair.several, pair.count)))
-        if fewer is not None and pair.one.part == "training":
-            could = pair.count * fewer / pair.one.rate
+    for of_several, pair in shared:
+        kind, key = of_several["devices"][0], of_each(pair.several, pair.count)
+        fewer = [(where, row.rate) for where, row in alone if where["devices"][0] == kind and row.key == key]
+        same_commit = [rate for where, rate in fewer if _setting(where) == _setting(of_several)]
+        before = [rate for where, rate in fewer if where.get("time", "") <= of_several.get("time", "")]
+        if (same_commit or before) and pair.one.part == "training":
+            could = pair.count * (same_commit or before)[-1] / pair.one.rate
             kept.append(pair.ratio >= FULL * could)
             said.append(f"{pair.one.what} with {pair.one.size} {could:.2f} times, measured {pair.ratio:.2f} times")
     if not said:
         return ""
     lost = " So what is missing is lost on each device, which fewer seeds keep less busy, and hardly between them."
     return paragraph(
-        "If devices did not wait for one another, each would be as fast as one device with its share of the seeds, "
-        f"by the newest measurement of that, and together they would make {'; '.join(said)}.{lost * all(kept)}"
+        "If devices did not wait for one another, each would be as fast as one device with its share of the seeds, by "
+        "the same commit or, where that was not measured, by the last one before, and together they would make "
+        f"{'; '.join(said)}.{lost * all(kept)}"
     )
 
 

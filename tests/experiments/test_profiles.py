@@ -16,6 +16,7 @@ from experiments.reproduction import profiles
 from experiments.reproduction.stored import REPOSITORY
 from t2tl_jax.registry import configs
 from t2tl_jax.runs.experiment import build
+from t2tl_jax.training import program
 
 SHIPPED = [name for name in configs() if "fake" not in name]  # before other tests add theirs
 
@@ -156,7 +157,21 @@ def test_the_page_sets_parts_against_their_floor(tmp_path):
 
 
 def test_every_step_that_is_measured_is_described():
-    assert set(gains_benchmark.STEPS) == set(profiles.STEPS)
+    assert set(gains_benchmark.STEPS | gains_benchmark.ON_GPUS) == set(profiles.STEPS)
+
+
+def test_steps_on_gpus_are_refused_elsewhere(capsys):
+    assert gains_benchmark.main(["--steps", "guard", "graphs_dqn"]) == 2
+    assert "graphs_dqn is a step on NVIDIA GPUs, and there is none here" in capsys.readouterr().err
+
+
+def test_both_forms_of_graphs_are_compiled_with_their_own_options(monkeypatch):
+    """The slow one with none, the other with those of the device."""
+    given = []
+    monkeypatch.setattr(gains_benchmark, "_iteration", lambda config: given.append(program.compiler_options()))
+    monkeypatch.setattr(program, "compiler_options", lambda: {"those of": "a GPU"})
+    gains_benchmark.ON_GPUS["graphs_dqn"]()
+    assert given == [{}, {"those of": "a GPU"}]
 
 
 def test_every_configuration_is_profiled_or_like_one_that_is():

@@ -194,6 +194,39 @@ def test_damaged_runs_give_a_message(finished, evaluate_run, capsys, damage, sai
     assert said in message and message.count("\n") < 25
 
 
+@pytest.mark.parametrize("linked", ["checkpoints", "metrics.csv", "checkpoints/deep/inside"])
+def test_a_run_that_holds_a_link_is_refused(finished, resume, evaluate_run, tmp_path, capsys, linked):
+    """From a stranger it could lead into another run, which would be read and written."""
+    place, victim = finished / linked, tmp_path / "victim"
+    victim.mkdir()
+    if place.exists():
+        place.rename(tmp_path / "aside")
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.symlink_to(victim)
+    capsys.readouterr()
+    for command in (lambda: resume(finished, "--frames", "400"), lambda: evaluate_run(finished)):
+        assert command() == 2
+        message = capsys.readouterr().err
+        assert f"{place.name} is a link to {victim}" in message and "Traceback" not in message
+    assert not any(victim.iterdir())
+
+
+def test_a_run_may_be_reached_by_a_link(finished, evaluate_run, tmp_path):
+    (tmp_path / "here").symlink_to(finished)
+    assert evaluate_run(tmp_path / "here") == 0
+
+
+def test_limits_that_a_stored_configuration_raises_are_told(finished, evaluate_run, capsys):
+    data = json.loads((finished / "config.json").read_text())
+    data["limits"] |= {"max_rows": 2_000_000_000, "max_cells": 2**45}
+    (finished / "config.json").write_text(json.dumps(data))
+    capsys.readouterr()
+    assert evaluate_run(finished) == 0
+    said = capsys.readouterr().out
+    assert "note: " in said and "raises limits of tables" in said
+    assert "max_rows=2,000,000,000 (4,096 by default)" in said and "max_tokens" not in said
+
+
 def test_resume_refuses_other_settings(finished, resume, capsys):
     folder = finished
     assert resume(folder, "--learner.rate", "0.1") == 2
