@@ -1,7 +1,7 @@
 """What large tables, many letters, replays of DQN, files of metrics and groups of seeds take, from stored results."""
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +78,31 @@ def _letters(stored: Mapping[str, Any]) -> str:
         {of["repeats"]} calls each, of {of["steps"]} batches of {of["batch"]:,} letters. {stored.get("beside", "")}
         {page.origin([stored["where"]])}"""
     heading = ("formula", "propositions", "rows", "parts", "compiling (slowest)", "memory", "in one row", "in all rows")
-    return "\n\n".join((page.paragraph(text), page.table(heading, rows)))
+    return "\n\n".join((page.paragraph(text), page.table(heading, rows), page.paragraph(_relabelled(found))))
+
+
+FEWER, MORE = 10, 20
+"""Propositions between which a step was to cost the same: 2^10 letters and 2^20."""
+
+
+def _relabelled(found: Sequence[Mapping[str, Any]]) -> str:
+    """How many times as long a step takes with 2^20 letters as with 2^10, by formula; '' where that is not known."""
+    steps = {(one["shape"], one["propositions"]): one for one in found}
+    said = []
+    for shape in dict.fromkeys(one["shape"] for one in found):
+        fewer, more = (steps.get((shape, count)) for count in (FEWER, MORE))
+        if fewer and more:
+            one_row, all_rows = (more[name]["median"] / fewer[name]["median"] for name in ("step_ns", "step_all_ns"))
+            said.append(
+                f"`{shape}` {one_row:.2f} and {all_rows:.2f} (parts {fewer['parts']} and {more['parts']}, rows "
+                f"{fewer['rows']} and {more['rows']})"
+            )
+    if not said:
+        return ""
+    return (
+        f"With {MORE} propositions a step takes so many times as long as with {FEWER}, in one row and in all rows: "
+        f"{'; '.join(said)}. The aim was that it costs the same."
+    )
 
 
 def _nanoseconds(measured: Mapping[str, float]) -> str:

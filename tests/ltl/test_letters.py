@@ -208,9 +208,9 @@ def test_the_cost_of_a_step_does_not_grow_with_the_letters():
         return len(table.branches), gathers, tuple(handled(step, letters) for step in (one, all_rows))
 
     few, (one_gather, all_gathers), (one, of_all) = costs(10)
-    assert few == 1 and costs(20) == costs(10)
-    parts, (later_gather, later_gathers), (later, later_of_all) = costs(22)
-    assert parts == 2 and costs(24) == costs(22)
+    assert few == 1 and costs(18) == costs(10)
+    parts, (later_gather, later_gathers), (later, later_of_all) = costs(20)
+    assert parts == 2 and costs(24) == costs(20)
     assert (later_gather, later_gathers) == (one_gather + 1, all_gathers + 1)
     assert later < 4 * one and later_of_all < 4 * of_all
 

@@ -18,13 +18,16 @@ from t2tl_jax.ltl.compiler.steps import Folding, Steps, folded, from_dense
 from t2tl_jax.ltl.errors import TooLargeError
 
 ONE_PART = 2**20
-"""Most entries of the array when letters are looked up at once: 4 MiB."""
+"""Most entries of the array when letters are looked up at once: 4 MiB, which a processor's caches hold."""
 
 FEW_PARTS = 2**22
 """Most entries of all arrays where letters are looked up in a few parts: 16 MiB; beyond, more parts make them smaller.
 Of very many rows it is `ENTRIES_PER_ROW` for each."""
 
 ENTRIES_PER_ROW = 64
+
+GIVEN = 2**23
+"""Most entries of all arrays of a table whose shape is given: 32 MiB; its room is rarely full."""
 
 NODES_PER_ROW = 2
 """Room for nodes in a table of a given shape, for each of its rows."""
@@ -38,8 +41,9 @@ def fitting_cuts(steps: Steps) -> tuple[int, ...]:
     nodes = [1, *np.maximum(crossing(steps)[1:count], 1).tolist(), rows]  # by cut; those above the first are the rows
     # By cut, the least entries of all arrays below it, and where they are cut; with ever more parts.
     best: dict[int, tuple[int, tuple[int, ...]]] = {top: (nodes[top] << top, (top, 0)) for top in range(count + 1)}
-    while best[count][0] > max(FEW_PARTS, ENTRIES_PER_ROW * rows):
-        before = best
+    most = ONE_PART
+    while best[count][0] > max(most, ENTRIES_PER_ROW * rows):
+        before, most = best, FEW_PARTS
 
         def with_first_cut(top: int, cut: int, rest: Any = before) -> tuple[int, tuple[int, ...]]:
             return (nodes[top] << top - cut) + rest[cut][0], (top, *rest[cut][1])
@@ -59,7 +63,7 @@ def given_cuts(rows: int, propositions: int, alphabet: str) -> tuple[int, ...]:
     parts = 2
     while parts < propositions:
         widest = -(-propositions // parts)
-        if rows * (1 + NODES_PER_ROW * (parts - 1)) << widest <= 2 * FEW_PARTS:
+        if rows * (1 + NODES_PER_ROW * (parts - 1)) << widest <= GIVEN:
             break
         parts += 1
     return tuple(propositions * part // parts for part in reversed(range(parts + 1)))
