@@ -74,8 +74,9 @@ so by the greatest: under that assumption, and as far as the two kinds of window
 TRAINING_ALONE = """None of these runs was evaluated after its training, nor were the published ones: all figures are of
 training episodes, with exploration."""
 
-EVALUATED = """Evaluated after training, by the final parameters: {}. Not evaluated: {}. All other figures are of
-training episodes, with exploration."""
+EVALUATED = """Evaluated after training, by the final parameters: {}. Not evaluated, since their trainings are older than
+this evaluation and their parameters were not kept: {}; nor the published runs. All other figures are of training
+episodes, with exploration."""
 
 SEARCHED = """Learning rates were not searched for alike: ql's was chosen among four on maps {}, which are reported too;
 crm's was there before, and on which maps it was chosen is not recorded; neither was searched again for shaped rewards.
@@ -220,7 +221,7 @@ def evaluated(runs: Mapping[str, Stored]) -> list[str]:
     there = [name for name, *_ in rows]
     others = [name for name in runs if name not in there]
     heading = ("evaluated", "sampled: return", "carried out", "deterministic: return", "carried out")
-    said = EVALUATED.format(", ".join(there), ", ".join([*others, "the published runs"]))
+    said = EVALUATED.format(", ".join(there), ", ".join(others) or "none")
     return [table(heading, rows), paragraph(said)]
 
 
