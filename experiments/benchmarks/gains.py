@@ -73,10 +73,13 @@ def _main(texts: list[str]) -> int:
 
 
 def _check_gpu(name: str) -> None:
-    from t2tl_jax.training.compiler_options import compiler_options
+    from t2tl_jax.training.compiler_options import GRAPHS, compiler_options
 
-    if not compiler_options():
-        raise UserError(f"{name} is a step on NVIDIA GPUs, and there is none here, or XLA_FLAGS names its options")
+    if compiler_options() != GRAPHS:
+        raise UserError(
+            f"{name} is a step on NVIDIA GPUs, and there is none here, or XLA_FLAGS names one of its options, or this "
+            "version of XLA does not know one"
+        )
 
 
 def compare(before: Form, after: Form, repeats: int) -> Mapping[str, float | None]:

@@ -9,6 +9,7 @@ from experiments.benchmarks.timing import Costs, Rate, compiled, rate
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.task_env import TaskParams
+from t2tl_jax.training.compiler_options import compiler_options
 from t2tl_jax.training.program import OVER_SEEDS
 from t2tl_jax.training.types import repeated
 from t2tl_jax.training.unroll import begin, player_of, unroll
@@ -74,5 +75,6 @@ def _acting(experiment: Any, params: Any, repeats: int) -> Rate:
     keys = jax.random.split(jax.random.key(0), seeds)
     env_params = jax.device_put(experiment.env_params("evaluation"))
     params = jax.device_put(jax.device_get(params))
-    program = jax.jit(jax.vmap(play, in_axes=(0, OVER_SEEDS, 0))).lower(params, env_params, keys).compile()
+    many = jax.jit(jax.vmap(play, in_axes=(0, OVER_SEEDS, 0)), compiler_options=compiler_options())
+    program = many.lower(params, env_params, keys).compile()
     return rate(lambda: program(params, env_params, keys), num_envs * steps * seeds, repeats)

@@ -122,7 +122,7 @@ def aims(results: Path) -> str:
         shown,
         _both_starts(begun),
         *map(paragraph, (*notes, *starts, *_early(results))),
-        paragraph(" ".join((LAYERS, _without_triton(results, found, begun)))),
+        paragraph(" ".join((LAYERS, _without_triton(results, begun)))),
     )
     return "\n\n".join(parts)
 
@@ -236,19 +236,26 @@ def _dqn(found: Mapping[Key, Sequence[measured.Row]]) -> list[str]:
     ]
 
 
-def _without_triton(results: Path, found: Mapping[Key, list[measured.Row]], begun: Mapping[Key, list[Starts]]) -> str:
+def _without_triton(results: Path, begun: Mapping[Key, list[Starts]]) -> str:
     """What leaving out Triton's products saves in compiling, and costs in training; '' where it is not stored."""
     file = results / TRIAL.format("benchmark")
     if not file.is_file():
         return ""
     where, rows = measured.read(file)
     starts = _started(results, TRIAL.format("starts"))
+    before = {
+        (tuple(other["devices"]), row.what, row.size): row
+        for other, some in in_time(results)
+        if other.get("time", "") <= where.get("time", "") and not other.get("git_modified")
+        for row in some
+        if row.part == "training"
+    }
     said = []
     for row in rows:
         key = tuple(where["devices"]), row.what, row.size
-        if key in starts and key in begun and found.get(key):
+        if key in starts and key in begun and key in before:
             without, usual = (of[key][0]["first"]["compiling"] for of in (starts, begun))
-            rates = " instead of ".join(measured.three_digits(one.rate) for one in (row, found[key][-1]))
+            rates = " instead of ".join(measured.three_digits(one.rate) for one in (row, before[key]))
             once = "" if row.compile_s is None else f" ({row.compile_s:.1f} s when it was benchmarked)"
             said.append(
                 f"`{row.what}` compiles in {without:.1f} instead of {usual:.1f} s{once} and makes {rates} frames/s"
@@ -256,7 +263,7 @@ def _without_triton(results: Path, found: Mapping[Key, list[measured.Row]], begu
     flags = where.get("xla_flags", "")
     return (
         f"Without Triton's products (`XLA_FLAGS={flags}`) {'; '.join(said)}. The rates that these are compared with "
-        "are of other commits and days."
+        "are the last ones before, of other commits and days, and like these without loops as CUDA graphs."
         if said
         else ""
     )

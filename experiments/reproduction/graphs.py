@@ -10,7 +10,8 @@ from experiments.reproduction.scaling import in_time
 from t2tl_jax.runs.folder import read_json
 
 TRIAL = "trial_graphs.json"
-USUAL, BOTH = "usual", "both"
+USUAL = "JAX"
+"""The form that JAX's own settings give."""
 
 AFTER = ("benchmark_h200_graphs.json", "benchmark_h200_graphs_closed.json", "benchmark_h200_two_graphs.json")
 """The first benchmarks with graphs."""
@@ -38,11 +39,20 @@ def _benchmarks(results: Path) -> str:
                 was, commit = old
                 rates = [f"{three_digits(one.rate)} {one.unit}" for one in (was, row)]
                 count, ratio = str(len(where["devices"])), f"{row.rate / was.rate:.2f}"
-                rows.append((row.what, row.size, count, rates[0], commit, rates[1], ratio))
+                memory, compiling = (
+                    _both(was, row, of, digits) for of, digits in (("memory_mib", 0), ("compile_s", 1))
+                )
+                rows.append((row.what, row.size, count, rates[0], commit, rates[1], ratio, memory, compiling))
     if not rows:
         return ""
-    heading = ("what", "size", "GPUs", "before", "commit", "with graphs", "ratio")
+    heading = ("what", "size", "GPUs", "before", "commit", "with graphs", "ratio", "memory, MiB", "compiling, s")
     return f"{table(heading, rows)}\n\n{origin(versions)}"
+
+
+def _both(before: measured.Row, after: measured.Row, name: str, digits: int) -> str:
+    """A cost before and with graphs."""
+    values = [getattr(one, name) for one in (before, after)]
+    return "-" if None in values else " -> ".join(f"{value:,.{digits}f}" for value in values)
 
 
 def _trial(results: Path) -> str:
@@ -58,17 +68,12 @@ def _trial(results: Path) -> str:
         rows.append((f"`{one['what']}`", seeds, str(one["machine"]), *cells))
     said = "; ".join(f"*{form}*: {what}" for form, what in forms.items())
     parts = (
-        paragraph(f"The trial. Milliseconds of an iteration, and how many times as fast as usual. {said}."),
+        paragraph(f"The trial. Milliseconds of an iteration, and how many times as fast as JAX has it. {said}."),
         table(("training", "size", "machine", *forms), rows),
         paragraph(f"{stored['note']} {origin([stored['where']])}"),
-        paragraph(_same(stored["same"], {one["what"]: one["seconds"][USUAL][0] for one in _of_many(stored)})),
+        paragraph(_same(stored["same"])),
     )
     return "\n\n".join(parts)
-
-
-def _of_many(stored: dict[str, Any]) -> list[dict[str, Any]]:
-    """Of each training the last iterations of several seeds."""
-    return [one for one in stored["iterations"] if one["seeds"] > 1]
 
 
 def _milliseconds(seconds: list[float] | None, usual: float | None) -> str:
@@ -79,17 +84,21 @@ def _milliseconds(seconds: list[float] | None, usual: float | None) -> str:
     return f"{median} ({fastest}, {slowest}){faster}"
 
 
-def _same(same: dict[str, Any], usual: dict[str, float]) -> str:
-    price = [f"`{what}` {seconds[USUAL] / usual[what]:.2f}" for what, seconds in same["deterministic_seconds"].items()]
+def _same(same: dict[str, Any]) -> str:
+    ordered = same["equal_with_deterministic_operations"]
+    times = [
+        f"`{what}` {1e3 * seconds['JAX']:.0f} and {1e3 * seconds['side by side']:.0f} ms"
+        for what, seconds in same["deterministic_seconds"].items()
+    ]
     return (
-        f"Are the numbers the same? {same['note']} Of DQN ({_names(same['equal'])}) all bits are equal with and "
-        f"without the options ({same['equal_forms']}). Of PPO two runs of the very same program differ by themselves "
-        f"({_names(same['differ_by_themselves'])}, without the options). With XLA's deterministic operations "
-        "(`XLA_FLAGS=--xla_gpu_deterministic_ops=true`), where sums have an order, they do not, and all bits are equal "
-        f"with and without the options ({same['equal_with_deterministic_operations_forms']}) in "
-        f"{_names(same['equal_with_deterministic_operations'])}. An iteration with deterministic operations takes so "
-        f"many times as long as usual: {', '.join(price)}. Whoever wants a run by PPO on a GPU to be repeated bit for "
-        "bit sets that flag; the runs that are reported here did not."
+        f"Are the numbers the same? {same['note']} DQN ({_names(same['equal'])}): all bits are equal in the form "
+        f"*{same['equal_form']}* and as JAX has it. PPO: two runs of the very same program, as JAX has it, differ by "
+        f"themselves ({_names(same['differ_by_themselves'])}; others were not run twice). With XLA's deterministic "
+        "operations, where sums have an order, two runs of it do not, and all bits are equal in the form "
+        f"*{same['equal_with_deterministic_operations_form']}* and as JAX has it ({_names(ordered)}); the form *both* "
+        "was not tried with them. Deterministic operations cost: an iteration takes, as JAX has it and side by side, "
+        f"{'; '.join(times)}. Whoever wants a run by PPO on a GPU to be repeated sets "
+        "`XLA_FLAGS=--xla_gpu_deterministic_ops=true`; the runs that are reported here did not."
     )
 
 

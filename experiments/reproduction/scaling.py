@@ -200,7 +200,8 @@ def _less_busy(results: Path, shared: Sequence[tuple[Mapping[str, Any], Pair]]) 
         if (same_commit or before) and pair.one.part == "training":
             could = pair.count * (same_commit or before)[-1] / pair.one.rate
             kept.append(pair.ratio >= FULL * could)
-            said.append(f"{pair.one.what} with {pair.one.size} {could:.2f} times, measured {pair.ratio:.2f} times")
+            what = f"{pair.one.what} with {pair.one.size} ({of_several['git_revision'][:7]})"
+            said.append(f"{what} {could:.2f} times, measured {pair.ratio:.2f} times")
     if not said:
         return ""
     lost = " So what is missing is lost on each device, which fewer seeds keep less busy, and hardly between them."

@@ -2,8 +2,8 @@
 
 A training is a loop of some hundred small kernels that one seed, or a few, do not fill a GPU with. As a rule the host
 starts them, group by group, and each waits for the one before. Here whole loops are handed to the GPU as CUDA graphs,
-and kernels of which none reads what the other writes run beside each other. The arithmetic is the same: with XLA's
-deterministic operations every bit is (see docs/performance.md).
+and kernels of which none reads what the other writes run beside each other. The arithmetic is the same; what was seen
+of the numbers' bits, and what it costs in memory, says docs/performance.md.
 """
 
 import os

@@ -127,10 +127,10 @@ def test_the_published_mean_lies_where_it_lies(begun):
 @pytest.mark.parametrize(
     ("below", "above", "p", "said"),
     [
-        (9, 0, "0.0039", "makes more seeds solve the task, as the inference has it."),
-        (0, 9, "0.0039", "makes fewer seeds solve the task, against the inference."),
-        (3, 1, "0.62", "So it is not shown that the sign makes a difference."),
-        (0, 0, "1)", "So it is not shown that the sign makes a difference."),
+        (9, 0, "0.0039", "lower at first makes more seeds solve the task, as the inference has it."),
+        (0, 9, "0.0039", "lower at first makes fewer seeds solve the task, against"),
+        (3, 1, "0.62", "So it is not shown that where the critic begins"),
+        (0, 0, "1)", "So it is not shown that where the critic begins"),
     ],
 )
 def test_who_solves_it_alone_decides_whether_the_sign_matters(begun, below, above, p, said):

@@ -225,6 +225,23 @@ def test_work_that_grows_with_the_devices_is_compared_too(tmp_path):
     assert "4,600,000 frames/s | 48 seeds: 9,000,000 frames/s on 2 | 1.96" in shown and "4.60 times" not in shown
 
 
+def test_what_devices_could_make_is_judged_by_their_own_commit_or_the_one_before(tmp_path):
+    """24 seeds on two: what 12 make on one, of the same commit where there is such a figure, and never of a later."""
+
+    def said():
+        return scaling.scaling(tmp_path).replace("\n", " ")
+
+    store(tmp_path, "two", TWO, [("a", "24 seeds", 1.5e6, 2)], time="2026-01-05")
+    store(tmp_path, "one", ONE, [("a", "24 seeds", 1e6, 1)], time="2026-01-05")
+    store(tmp_path, "later", ONE, [("a", "12 seeds", 9e5, 1)], git_revision="e" * 40, time="2026-01-09")
+    assert "If devices did not wait" not in said()
+    store(tmp_path, "before", ONE, [("a", "12 seeds", 7e5, 1)], git_revision="b" * 40, time="2026-01-02")
+    assert f"a with 24 seeds ({'c' * 7}) 1.40 times, measured 1.50 times. So what is missing is lost" in said()
+    store(tmp_path, "same", ONE, [("a", "12 seeds", 8e5, 1)], time="2026-01-06")
+    assert f"a with 24 seeds ({'c' * 7}) 1.60 times, measured 1.50 times." in said()
+    assert "hardly between them" not in said()  # they wait for one another
+
+
 @pytest.mark.parametrize(
     ("devices", "other"),
     [

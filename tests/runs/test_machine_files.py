@@ -169,16 +169,21 @@ def test_its_own_pretraining_keeps_a_copy_too(train, resume, machine, monkeypatc
     assert resume(folder) == 0
 
 
-@pytest.mark.parametrize("named", ["mine.rm", "{folder}/mine.rm", "run/../mine.rm", "run"])
+LINKED = "a link"
+
+
+@pytest.mark.parametrize("named", ["mine.rm", "{folder}/mine.rm", "run/../mine.rm", LINKED])
 def test_a_run_without_its_copy_reads_no_other_file(machine, tmp_path, named, read_json):
     """Nor does one whose copy is a link: what a configuration names may be anything on the machine."""
     folder = run_folder.create(tmp_path / "run", dataclasses.replace(CONFIG, task="mine.rm"), {})
     (folder.path / "mine.rm").unlink()
-    if named == "run":
+    said = r"(?s)holds no copy of it.* cp .*mine\.rm .*run/mine\.rm"
+    if named == LINKED:
         (folder.path / "mine.rm").symlink_to(machine)
+        said = r"run/mine\.rm is a link to .*mine\.rm; a run holds none"
     else:
         folder.config.write_text(json.dumps(read_json(folder.config) | {"task": named.format(folder=tmp_path)}))
-    with pytest.raises(UserError, match=r"(?s)holds no copy of it.* cp .*mine\.rm .*run/mine\.rm"):
+    with pytest.raises(UserError, match=said):
         run_folder.open_existing(folder.path)
     (folder.path / "mine.rm").unlink(missing_ok=True)
     shutil.copy(machine, folder.path)

@@ -42,7 +42,7 @@ def test_by_role_other_colours_are_met():
     there = result._on("!a U (b & F c)", WaterWorld(MORE_COLOURS))
     assert there.table.propositions == ("a", "b", "c")
     reports = jax.eval_shape(
-        lambda params, given, keys: player_of_seeds(there.task_env, there.agent, 2, 4, 0.9, True)(params, given, keys),
+        player_of_seeds(there.task_env, there.agent, 2, 4, 0.9, True),
         result.params["final"],
         there.env_params("evaluation"),
         stream_keys(result.seeds, EVALUATION),

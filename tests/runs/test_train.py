@@ -21,11 +21,14 @@ from t2tl_jax import (
     TransformerConfig,
     UserError,
 )
+from t2tl_jax.evaluation import episodes
 from t2tl_jax.networks.gru import GRUConfig
 from t2tl_jax.runs.config import RunConfig, SelectionConfig
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, history
 from t2tl_jax.runs.result import Result
+from t2tl_jax.training import kept_trace, program
+from t2tl_jax.training.compiler_options import GRAPHS
 from tests.diary import Diary, run_fake
 from tests.fake_agent import FakeConfig, FakeNetwork
 from tests.probe import DiscreteProbeEnv, ProbeEnv
@@ -53,6 +56,16 @@ def run(tmp_path_factory):
 
 
 # ----- what comes back -----
+
+
+def test_options_for_gpus_stand_where_jax_takes_them(run, monkeypatch):
+    """On a CPU they mean nothing: whoever compiles is given them, and no number changes."""
+    for module in (program, kept_trace, episodes):
+        monkeypatch.setattr(module, "compiler_options", lambda: GRAPHS)
+    again = run_it()
+    for one, other in zip(jax.tree.leaves(run.params), jax.tree.leaves(again.params), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert run.evaluate(episodes=4) == again.evaluate(episodes=4)
 
 
 def test_metrics_are_arrays_by_name(run):

@@ -47,7 +47,7 @@ def in_short(runs: Mapping[str, Stored]) -> str:
     parts = (
         "*An agent of the open ZoneEnv; settings were chosen on other formulas, knowing these results.",
         f"Success on z1 to z6: {ours('success_rate')} (Wilson's) in {ours('success_length', 0)} steps",
-        f"(DeepLTL, published: {theirs('DeepLTL')});",
+        f"(DeepLTL: {theirs('DeepLTL')}; GenZ-LTL [nearer](docs/zeroshot.md));",
         f"weakest of {len(hard)} harder: {weakest}, {means[weakest]:.3f}, worst seed",
         f"{float(np.nanmin(rates[weakest])):.3f};",
         *([f"six colours, maps of six to ten: {min(coloured):.2f} to {max(coloured):.2f};"] if coloured else []),

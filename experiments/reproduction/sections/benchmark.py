@@ -74,9 +74,9 @@ so by the greatest: under that assumption, and as far as the two kinds of window
 TRAINING_ALONE = """None of these runs was evaluated after its training, nor were the published ones: all figures are of
 training episodes, with exploration."""
 
-EVALUATED = """Evaluated after training, by the final parameters: {}. Not evaluated, since their trainings are older
-than this evaluation and their parameters were not kept: {}; nor the published runs. All other figures are of training
-episodes, with exploration."""
+EVALUATED = """Evaluated after training, by the final parameters: {}. Not evaluated: {}; nor the published
+runs. Those of ours that are stored without an evaluation are older than it, and their parameters were not kept. All
+other figures are of training episodes, with exploration."""
 
 SEARCHED = """Learning rates were not searched for alike: ql's was chosen among four on maps {}, which are reported too;
 crm's was there before, and on which maps it was chosen is not recorded; neither was searched again for shaped rewards.

@@ -1,4 +1,4 @@
-"""The published program with its critic set below and above 0 at first: whether the sign makes the difference."""
+"""The published program with its critic set below and above 0 at first: whether that makes a difference."""
 
 from collections.abc import Mapping
 
@@ -13,10 +13,12 @@ from experiments.tuning import in_words
 from t2tl_jax.evaluation import statistics
 from t2tl_jax.evaluation.statistics import CONFIDENCE
 
-TRIED = f"""That was tried: every one of these seeds was trained twice, once with {VALUE_BIAS:g} taken from the critic's
-value at first and once with as much added, by the bias of its last layer (`network.value_bias`). All else that is drawn
-is the same, and the two differ in nothing else. The seeds are the next numbers, chosen before any of their outcomes was
-known."""
+TRIED = f"""What the critic's start does was tried on other seeds, the next numbers, chosen before any of their outcomes
+was known. Each was trained twice: once with {VALUE_BIAS:g} taken from the critic's value at first and once with as much
+added, by the bias of its last layer (`network.value_bias`). The two configurations differ in nothing else, and a seed
+draws the same for both; but a program by PPO on a GPU differs a little from run to run
+([performance](performance.md#loops-as-cuda-graphs)). These seeds were not trained without such a change, so that what
+is shown is a difference between the two, and not which of them departs from the program."""
 
 
 def moved(runs: Mapping[str, Stored], published: float) -> str:
@@ -58,17 +60,18 @@ def _said(pairs: list[tuple[Begun, Begun]], published: float) -> str:
     gap = statistics.mean([a.end - b.end for a, b in pairs])
     if p < 1 - CONFIDENCE and low > high:
         shown = (
-            "So a critic that begins below 0 makes more seeds solve the task, as the inference has it. By what way, "
-            "whether through the noise, the test does not say."
+            f"So a critic that is set {2 * VALUE_BIAS:g} lower at first makes more seeds solve the task, as the "
+            "inference has it. Whether the sign counts or how far from 0 it is, and whether it works through the "
+            "noise, the test does not say."
         )
     elif p < 1 - CONFIDENCE:
-        shown = "So a critic that begins below 0 makes fewer seeds solve the task, against the inference."
+        shown = "So a critic that is set lower at first makes fewer seeds solve the task, against the inference."
     else:
-        shown = "So it is not shown that the sign makes a difference."
+        shown = "So it is not shown that where the critic begins makes a difference."
     end = statistics.mean([a.end for a, _ in pairs])
     rest = (
-        f" Below 0 the return at the end, {end.text()}, is still below the published mean, {published:.2f}: the sign "
-        "does not explain all of it."
+        f" Below 0 the return at the end, {end.text()}, is still below the published mean, {published:.2f}: "
+        "where the critic begins does not explain all of it."
         if end.high is not None and end.high < published
         else f" Below 0 the return at the end is {end.text()}; published is a mean of {published:.2f}."
     )
