@@ -83,6 +83,8 @@ def make_agent(
 
     def init(key: jax.Array, env_params: Any) -> FakeState:
         params = {"params": {"w": spread(key, 12).reshape(4, 3), "task_encoder": {"b": jnp.zeros(3)}}}
+        if more := int(os.environ.get("FAKE_NUMBERS", "0")):
+            params["params"]["more"] = spread(key, more)
         # The iteration is weakly typed on purpose: it must not lead to a second compilation.
         return FakeState(params, optimizer.init(params), key, jnp.asarray(0))
 

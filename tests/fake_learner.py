@@ -2,7 +2,7 @@
 
 They are registered as a user's own would be: ``--config fake``, in other processes with ``--import tests.fake_learner``
 before it. There FAKE_SECONDS slows each iteration down, FAKE_COMPILE_SECONDS and FAKE_EVALUATION_SECONDS the
-preparation and the evaluation.
+preparation and the evaluation. FAKE_NUMBERS is how many parameters it has that stay as they are, none by default.
 """
 
 import os

@@ -11,22 +11,25 @@ from experiments import run
 ROOT = Path(__file__).parents[2]
 
 RUN = """
---config zone_ppo_closed_form --method dfa --seeds 2 --frames 8192 --learner.num-envs 16 --learner.unroll-length 64
---learner.minibatch-size 256 --episode-length 50 --run.evaluation-episodes 0 --run.gif False --run.checkpoint-period 0
+--config fake --seeds 2 --frames 800 --run.evaluation-episodes 0 --run.gif False --run.checkpoint-period 0
 --run.progress False
 """
 """A checkpoint after each of eight iterations."""
+
+NUMBERS = "50000"
+"""Of each seed, so that what does not fit is a large file, which leaves room for a small one: of 3 MB a checkpoint takes
+1.3."""
 
 SCRIPT = """
 set -e
 mount -t tmpfs -o size={size} tmpfs {place}
 cd {root}
 code=0
-{python} -m experiments.run {flags} --run.folder {place}/runs > {place}.first 2>&1 || code=$?
+FAKE_SECONDS=0.02 {python} -m experiments.run --import tests.fake_learner {flags} --run.folder {place}/runs \
+    > {place}.said 2>&1 || code=$?
 echo $code > {place}.code
 mount -o remount,size=100m {place}
-[ $code = 0 ] || {python} -m experiments.run --resume {place}/runs/*/* > {place}.second 2>&1
-cp {place}/runs/*/*/metrics.csv {place}.csv
+cp -r {place}/runs {place}.left
 """
 
 
@@ -40,10 +43,12 @@ def can_mount() -> bool:
 
 
 @pytest.fixture
-def run_on():
-    """Run on a disk of a size, make room, resume: (size, folder) -> exit code, both outputs, metrics at the end."""
+def run_on(resume, capsys, monkeypatch):
+    """Run on a disk of a size, make room, resume what was left there: (size, folder) -> exit code, both outputs,
+    metrics at the end."""
     if not can_mount():
         pytest.skip("needs a file system of its own, which this system does not grant")
+    monkeypatch.setenv("FAKE_NUMBERS", NUMBERS)
 
     def done(size: str, folder: Path) -> tuple[int, str, str, str]:
         place = folder / f"disk_{size}"
@@ -51,10 +56,12 @@ def run_on():
         flags = " ".join(RUN.split())
         script = SCRIPT.format(size=size, place=place, root=ROOT, python=sys.executable, flags=flags)
         ended = subprocess.run(["unshare", "-rm", "bash", "-c", script], capture_output=True, text=True, timeout=300)
-        files = {what: folder / f"{place.name}.{what}" for what in ("code", "first", "second", "csv")}
-        said = {what: file.read_text() if file.exists() else "" for what, file in files.items()}
-        assert ended.returncode == 0, f"{ended.stderr}\n{said['first']}\n{said['second']}"
-        return int(said["code"]), said["first"], said["second"], said["csv"]
+        code, said = ((folder / f"{place.name}.{what}").read_text() for what in ("code", "said"))
+        assert ended.returncode == 0, f"{ended.stderr}\n{said}"
+        (left,) = (folder / f"{place.name}.left").glob("*/*")
+        capsys.readouterr()
+        assert resume(left) == 0
+        return int(code), said, capsys.readouterr().out, (left / "metrics.csv").read_text()
 
     return done
 
@@ -63,11 +70,11 @@ def run_on():
 def test_a_full_disk_is_told_and_the_run_goes_on_as_if_nothing_had_been(run_on, tmp_path):
     """At the first files, before there is a checkpoint, so that the run begins again; and beside the training at a
     checkpoint, unless a row of the metrics comes upon the full disk first. A third run never meets one."""
-    found = {size: run_on(size, tmp_path) for size in ("20k", "1500k")}
+    found = {size: run_on(size, tmp_path) for size in ("20k", "3000k")}
     assert run.main([*RUN.split(), "--run.folder", str(tmp_path / "whole")]) == 0
     (metrics,) = (tmp_path / "whole").glob("*/*/metrics.csv")
     for code, said, _, ended in found.values():
         assert code == 2 and "cannot write" in said and "No space left" in said, said[-2000:]
         assert "resume the run" in said and "Traceback" not in said and "Event loop" not in said
         assert ended == metrics.read_text()
-    assert "resuming after" not in found["20k"][2] and "resuming after iteration" in found["1500k"][2]
+    assert "resuming after" not in found["20k"][2] and "resuming after iteration" in found["3000k"][2]
