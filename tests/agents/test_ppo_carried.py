@@ -97,17 +97,15 @@ def test_states_of_objects_act_and_learn_alike_in_seeds_side_by_side():
     given = env.make_params(0)
     keys = jax.random.split(jax.random.key(0), 2)
 
-    def play(key):
-        begun = state = begun_quickly(agent).init(key, given)
-        scalars = []
+    def play(key, over_seeds=lambda function: function):
+        begun = state = jax.jit(over_seeds(lambda key: begun_quickly(agent).init(key, given)))(key)
+        iterate, scalars = jax.jit(over_seeds(lambda state: agent.iterate(state, given))), []
         for _ in range(2):
             state, metrics = iterate(state)
             scalars.append(metrics.scalars)
         return begun.params, (state.params, state.carry.state), scalars
 
-    iterate = jax.jit(lambda state: agent.iterate(state, given))
-    both = jax.jit(jax.vmap(play))(keys)
-    one = jax.jit(play)(keys[1])
+    both, one = play(keys, jax.vmap), play(keys[1])
     chex.assert_trees_all_close(jax.tree.map(lambda x: x[1], both), one, rtol=1e-4, atol=1e-5)
     begun, (params, carried), scalars = both
     for of_iteration in scalars:
