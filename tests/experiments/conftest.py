@@ -1,7 +1,10 @@
 """The fixtures of `tests/fake_runs.py` and `tests/any_runs.py`, and runs of the plan that nobody trained."""
 
+from types import SimpleNamespace
+
 import pytest
 
+from experiments import play
 from experiments.reproduction import claims
 from experiments.reproduction.runs import all_runs
 from tests.any_runs import zones
@@ -27,3 +30,10 @@ def make(configs, tmp_path):
 def unpaired(monkeypatch):
     """Environments need not be built to see whether seeds share maps: `test_claims.py` does that."""
     monkeypatch.setattr(claims, "worlds", lambda config, seeds: None)
+
+
+@pytest.fixture(autouse=True)
+def uncollected(monkeypatch):
+    """The command that plays collects all garbage of its process: here that of the whole session, half a second each
+    time, of which none is its own."""
+    monkeypatch.setattr(play, "gc", SimpleNamespace(unfreeze=int, collect=int, freeze=int))

@@ -100,11 +100,12 @@ def test_none_are_drawn_where_none_are_asked_for(no_drawing):
 
 @pytest.mark.slow
 def test_all_pools_give_what_is_stored():
-    tasks = ["z1", "g1", "g2", "g3"]
-    result, config = stored("any-zones")
-    found = of_pools.met_in_training(config, result.experiment.env, tasks, result.iteration, 12)
-    assert found is not None and (found.counted, found.drawn) == (12, 12)
-    known = evaluate_rows.stored(ANY / "any-zones", tasks)
+    """Where a row of letters_3 is met in the last pool alone."""
+    tasks = ["letters_1", "letters_2", "letters_3", "letters_5", "letters_avoid_6"]
+    result, config = stored("any-letters")
+    found = of_pools.met_in_training(config, result.experiment.env, tasks, result.iteration, 3)
+    assert found is not None and (found.counted, found.drawn) == (3, 3)
+    known = evaluate_rows.stored(ANY / "any-letters", tasks)
     assert {task: (one.exactly, one.renamed) for task, one in found.by_task.items()} == known
 
 
