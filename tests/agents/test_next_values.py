@@ -14,14 +14,14 @@ from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.gru import GRUConfig
+from t2tl_jax.networks.task_encoders import OneHotConfig
 from t2tl_jax.task_env import TaskEnv
-from tests.agents import sizes
 from tests.parameters import begun_quickly
 from tests.probe import ProbeEnv
 
 CONTEXTS = {
     "none": None,
-    "window": ContextConfig(length=3, segment_length=4),
+    "window": ContextConfig(length=3, segment_length=4, reader=GRUConfig(width=4, output=2)),
     "carried": ContextConfig(segment_length=4, reader=GRUConfig(width=4, output=2), carried=True),
 }
 
@@ -79,7 +79,7 @@ def test_an_iteration_learns_what_it_would_from_a_pass_over_every_next_state(con
     world = ProbeEnv()
     env = TaskEnv(world, compile_tasks(["F Up"], world.propositions, world.alphabet))
     network = NetworkConfig(
-        task_encoder=sizes.TRANSFORMER, env_layers=(8,), actor_layers=(8,), critic_layers=(8,),
+        task_encoder=OneHotConfig(), env_layers=(8,), actor_layers=(), critic_layers=(8,),
         context=CONTEXTS[context],
     )  # fmt: skip
     config = PPOConfig(network=network, num_envs=4, unroll_length=16, minibatch_size=32, epochs=1, adam_epsilon=1e-3)
