@@ -77,7 +77,7 @@ def test_parts_are_filled_up_and_cut_again(count):
 def test_an_iteration_learns_what_it_would_from_a_pass_over_every_next_state(context, monkeypatch):
     """Time-outs after six steps, so that a rollout of sixteen has several of each environment."""
     world = ProbeEnv()
-    env = TaskEnv(world, compile_tasks(["F Up"], world.propositions, world.alphabet))
+    env = TaskEnv(world, compile_tasks(["F(Up & F Down)"], world.propositions, world.alphabet))
     network = NetworkConfig(
         task_encoder=OneHotConfig(), env_layers=(8,), actor_layers=(), critic_layers=(8,),
         context=CONTEXTS[context],
