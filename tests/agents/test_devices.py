@@ -112,7 +112,7 @@ from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.task_env import TaskEnv
 from t2tl_jax.training.devices import seed_sharding
 from t2tl_jax.training.program import params_of_seeds, trace
-from tests.agents.sizes import PPO
+from tests.agents.sizes import GRU, PPO
 from tests.agents.test_ppo import ONE_HOT
 from tests.parameters import begun_quickly
 from tests.probe import ProbeEnv
@@ -128,7 +128,7 @@ def products(context, per_seed):  # numbers that matrix products give, on each d
     found = re.findall(r"= f32\\[([0-9,]+)\\]\\S* dot\\(", program.lowered_iterate.compile().as_text())
     return sum(math.prod(map(int, shape.split(","))) for shape in found)
 
-for context in (None, ContextConfig(length=4)):
+for context in (None, ContextConfig(length=4, reader=GRU)):
     share = products(context, 4) / products(context, 1)
     assert share < 0.3, (context, share)
 """
