@@ -47,6 +47,7 @@ def make(env, iterations=ITERATIONS, network=NETWORK, **changes):
 def learner(env):
     """The plain learner as (agent, init, iterate), compiled once for all tests; a second trace is an error."""
     agent, given = make(env), env.make_params(0)
+    chex.clear_trace_counter()  # it counts by source: in a process that comes back to this module, the first one too
     init, iterate = jax.jit(agent.init), jax.jit(chex.assert_max_traces(agent.iterate, n=1))
     return agent, lambda key: init(key, given), lambda state: iterate(state, given)
 

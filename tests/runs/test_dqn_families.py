@@ -19,7 +19,8 @@ from tests.fake_runs import StopAfter
 
 NETWORK = QNetworkConfig(LookaheadConfig(4), state_layers=(), task_layer=8, head="bilinear", dueling=False)
 CONFIG = Config(
-    env=t2tl_jax.EnvConfig(), task="Until_1_2_1_1", learner=dataclasses.replace(LEARNER, network=NETWORK, unroll_length=5),
+    env=t2tl_jax.EnvConfig(), task="Until_1_2_1_1",
+    learner=dataclasses.replace(LEARNER, network=NETWORK, unroll_length=5),
     pool=PoolConfig(size=4, rows=24, length=14, period=2), random_starts=0.3, frames=240,
     episode_length=10, selection=SelectionConfig(points=0), run=RunConfig(evaluation_episodes=0, gif=False),
 )  # fmt: skip

@@ -17,8 +17,8 @@ RUN = """
 """A checkpoint after each of eight iterations."""
 
 NUMBERS = "50000"
-"""Of each seed, so that what does not fit is a large file, which leaves room for a small one: of 3 MB a checkpoint takes
-1.3."""
+"""Of each seed, so that what does not fit is a large file, which leaves room for a small one: a checkpoint takes more
+than a third of 3 MB."""
 
 SCRIPT = """
 set -e
