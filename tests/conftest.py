@@ -83,16 +83,6 @@ def traces_anew(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.fixture
-def traced_once(tmp_path: Path) -> Iterator[None]:
-    """For tests whose trainings are of one program: it is traced once, and kept in a folder of the test's own."""
-    from t2tl_jax.runs import kept_traces
-
-    kept_traces._folders[:] = [tmp_path / "traces"]
-    yield
-    kept_traces._folders.clear()
-
-
-@pytest.fixture
 def begins_quickly(monkeypatch: pytest.MonkeyPatch) -> None:
     """For runs that ask nothing about where learning starts: no initialiser is compiled, see `tests/parameters.py`."""
     from tests.parameters import begin_quickly  # loads networks, which not every session needs

@@ -69,7 +69,7 @@ def test_processes_draw_the_pools_of_their_numbers(finish):
 
 
 @pytest.mark.slow
-def test_a_run_is_the_same_whoever_draws_and_so_is_one_that_was_stopped(tmp_path, begins_quickly, traced_once):
+def test_a_run_is_the_same_whoever_draws_and_so_is_one_that_was_stopped(tmp_path, begins_quickly):
     """Five iterations, each with its pool; one run has a thread, one two processes, and one those after a stop."""
     thread = dataclasses.replace(CONFIG, run=dataclasses.replace(CONFIG.run, pool_processes=0))
     whole = t2tl_jax.train(thread, folder=tmp_path / "thread")
@@ -218,7 +218,7 @@ class KillDrawing(t2tl_jax.Callback):
 
 
 @pytest.mark.slow
-def test_a_run_whose_processes_end_says_so_and_can_go_on(tmp_path, begins_quickly, traced_once):
+def test_a_run_whose_processes_end_says_so_and_can_go_on(tmp_path, begins_quickly):
     often = dataclasses.replace(CONFIG, frames=640, run=dataclasses.replace(CONFIG.run, checkpoint_period=0.0))
     with pytest.raises(UserError, match=r"has ended before its work was done.*run\.pool_processes"):
         t2tl_jax.train(often, folder=tmp_path / "run", callbacks=[KillDrawing()])
