@@ -3,7 +3,8 @@
 Most programs here take longer to compile than to run, so XLA is told to work less on them: LLVM does not optimise, and
 fused operations are written by XLA's older and simpler generator, all of a program as one module. What is compiled
 stays the same; the machine code is slower, and may round otherwise. Tracing makes many small objects that live as long
-as the session; Python looks for garbage among them less often.
+as the session; Python looks for garbage among them less often. The commands that tests start keep the bytecode of what
+they import, for those that come after.
 """
 
 import gc
@@ -33,6 +34,7 @@ settings.load_profile("repeatable")
 def pytest_configure(config: pytest.Config) -> None:
     # Read by XLA when the first program compiles. Who asks for other flags gets them.
     os.environ["XLA_FLAGS"] = " ".join((*LITTLE_WORK, os.environ.get("XLA_FLAGS", "")))
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
     os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
     if FOLDER not in os.environ:

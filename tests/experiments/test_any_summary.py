@@ -17,6 +17,7 @@ def runs():
     return stored.load(RESULTS / "any")
 
 
+@pytest.mark.slow
 def test_the_summary_holds_every_aim_of_the_sections(runs):
     """Each section shows its own aims in the same words; of certificates only the summary tells the time."""
     said = summary.summary(runs, RESULTS)

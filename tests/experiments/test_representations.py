@@ -16,6 +16,7 @@ def measured(tmp_path_factory):
     return stored.Stored(folder)
 
 
+@pytest.mark.slow
 def test_the_papers_own_tasks_are_among_them(measured):
     text = representations.section({representations.NAME: measured})
     assert set(rows(text)) >= {"`phi_zone`", "`phi_water`", "`phi_water_5_3`", "`phi_water_6_2`"}

@@ -236,6 +236,7 @@ def test_timed_runs_are_those_of_one_seed_and_start_from_such(runs):
     assert all(run.before not in timed for name, run in runs.items() if name not in timed)
 
 
+@pytest.mark.slow
 def test_recurrent_policies_that_are_compared_have_as_many_parameters(runs):
     carried, windows = (sizes(runs[f"any-memory-{name}"].config) for name in ("carried", "gru"))
     assert carried.others == windows.others
@@ -295,6 +296,7 @@ def test_agents_that_are_kept_are_those_of_the_methods_tables(runs):
     assert set(AGENTS) >= {"zone-t2tl", "zone-dfa_number", "water-dfa_cont-again"}
 
 
+@pytest.mark.slow
 def test_a_smoke_test_says_so_beside_every_item(tmp_path):
     representations.measure(tmp_path / representations.NAME)
     shown = {"x": Item("X", (representations.NAME,), representations.section), "y": Item("Y", ("z",), lambda runs: "")}

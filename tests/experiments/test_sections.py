@@ -246,6 +246,7 @@ def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make
     assert ablation.small_batches({"water-rm-every-step": runs["water-rm-every-step"]}) == ""
 
 
+@pytest.mark.slow
 def test_every_section_works_with_any_single_run(make):
     """As they come in one after the other; most say nothing of a claim yet."""
     score = {f"{what}_{k + 1}": 0.5 for k in range(10) for what in ("episodes", "score", "best_score")}

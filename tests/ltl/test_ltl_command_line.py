@@ -103,6 +103,7 @@ def test_a_large_table_is_described_in_short(capsys):
     assert "word, task 0" in out and "2 {b}" in out
 
 
+@pytest.mark.slow
 def test_as_many_rows_as_asked_for(capsys):
     assert main([EIGHT, "--show-rows", "30"]) == 0
     out = capsys.readouterr().out

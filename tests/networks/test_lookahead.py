@@ -229,6 +229,7 @@ def test_it_may_stand_in_a_loss():
     assert not jax.tree.leaves(jax.eval_shape(encoder.init, jax.random.key(0), table))
 
 
+@pytest.mark.slow
 def test_the_agent_of_waterworld_is_told_a_goal_in_every_open_row():
     """Balls can overlap there, and where letters of several balls count, no single one brings a chain nearer."""
     config = named_config("water_any")

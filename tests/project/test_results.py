@@ -47,6 +47,7 @@ def test_everything_was_made_from_a_tree_without_changes():
     assert {str(path): unclean(made) for path, made in sessions() if unclean(made)} == {}
 
 
+@pytest.mark.slow
 def test_the_commits_are_of_this_history():
     if git("rev-parse", "--is-inside-work-tree").returncode:
         pytest.skip("not a git checkout, so there is no history to look into")

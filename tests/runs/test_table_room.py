@@ -46,11 +46,13 @@ def programs(config: Config) -> tuple[str, str]:
     return program.lowered_init.as_text(), program.lowered_iterate.as_text()
 
 
+@pytest.mark.slow
 def test_formulas_of_different_sizes_share_one_program():
     assert programs(water(SMALLER)) == programs(water(LARGER))
     assert programs(water(SMALLER, 0, 0)) != programs(water(LARGER, 0, 0))
 
 
+@pytest.mark.slow
 def test_a_training_with_room_is_the_same_training():
     """But for the rounding of sums, in which rows that nobody is ever in take part as zeros."""
     with_room, without = (t2tl_jax.train(water(SMALLER, *room)) for room in ((ROWS, LENGTH), (0, 0)))
@@ -87,6 +89,7 @@ def test_room_is_for_the_task_of_the_run_alone():
     assert experiment.build(water("rm_phi_water", 3, 3)).table.num_rows > 3
 
 
+@pytest.mark.slow
 def test_the_worlds_of_the_tables_of_steps_share_their_programs():
     """Of each method; and the room is no larger than the largest of them needs."""
     runs = named.all_runs()

@@ -92,6 +92,7 @@ def test_a_gradient_that_is_not_finite_changes_nothing(bad):
     chex.assert_tree_all_finite((params, state))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arena", ["walled", "open"])
 def test_a_physics_failure_is_told_though_the_state_is_made_good(arena):
     """Of the step alone: what goes on, and is stored, has the form that it had before. Leaving the arena is none."""
@@ -156,6 +157,7 @@ def spoiled(monkeypatch):
 BROKEN = replace(CONFIG, frames=800, seeds="4")
 
 
+@pytest.mark.slow
 def test_a_broken_seed_is_told_once_and_frozen_and_the_others_go_on(monkeypatch, recwarn):
     healthy = train(BROKEN)
     monkeypatch.setitem(AGENTS._kinds, "fake", Kind(fake_agent.FakeConfig, spoiling))
@@ -252,6 +254,7 @@ def test_replay_is_not_kept():
     assert int(agent.iterate(State(jnp.int32(1)), None)[0].episodes) == 2
 
 
+@pytest.mark.slow
 def test_the_last_good_checkpoint_stays_and_a_resumed_run_knows_the_faults(spoiled, tmp_path):
     config = replace(BROKEN, run=replace(BROKEN.run, checkpoint_period=0.0))
     whole = train(config, folder=tmp_path / "whole")
