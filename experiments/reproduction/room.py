@@ -76,7 +76,7 @@ def _letters(stored: Mapping[str, Any]) -> str:
     ]
     text = f"""
         {of["repeats"]} calls each, of {of["steps"]} batches of {of["batch"]:,} letters. {stored.get("beside", "")}
-        {page.origin([stored["where"]])}"""
+        {stored.get("note", "")} {page.origin([stored["where"]])}"""
     heading = ("formula", "propositions", "rows", "parts", "compiling (slowest)", "memory", "in one row", "in all rows")
     return "\n\n".join((page.paragraph(text), page.table(heading, rows), page.paragraph(_relabelled(found))))
 
