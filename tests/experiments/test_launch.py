@@ -68,8 +68,8 @@ def test_progress_is_said_when_it_changes(tmp_path):
 
 CAREFUL = """
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored in the background
-Path(os.environ['FOLDER'], os.environ['NAME'] + '.ready').touch()
 try:
+    Path(os.environ['FOLDER'], os.environ['NAME'] + '.ready').touch()
     time.sleep(60)
 except KeyboardInterrupt:
     Path(os.environ['FOLDER'], os.environ['NAME'] + '.saved').touch()
