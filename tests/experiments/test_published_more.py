@@ -140,7 +140,7 @@ def test_who_solves_it_alone_decides_whether_the_sign_matters(begun, below, abov
         for (name, bias), done in zip(VALUES.items(), solved, strict=True)
     }
     text = " ".join(critic_moved.moved(runs, 0.6).split())
-    assert f"{below} seeds solve it below 0 alone and {above} above 0 alone" in text
+    assert f"Only with the lower start {below} of them solve the task, and only with the higher one {above} (" in text
     assert f"p {p}" in text and said in text
     low, high = VALUES
     assert f"| {low} | 36-47 | 12/12 | {below}/12 |" in text and f"| {high} | 36-47 | 0/12 | {above}/12 |" in text

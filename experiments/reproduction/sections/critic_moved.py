@@ -76,6 +76,7 @@ def _said(pairs: list[tuple[Begun, Begun]], published: float) -> str:
         else f" Below 0 the return at the end is {end.text()}; published is a mean of {published:.2f}."
     )
     return (
-        f"{low} seeds solve it below 0 alone and {high} above 0 alone (McNemar's exact test, two-sided: p {p:.2g}). "
-        f"The return at the end is higher below 0 by {gap.text()}, paired. {shown}{rest}"
+        f"Only with the lower start {low} of them solve the task, and only with the higher one {high} (McNemar's exact "
+        f"test, two-sided: p {p:.2g}). The return at the end is higher with the lower start by {gap.text()}, paired. "
+        f"{shown}{rest}"
     )
