@@ -62,8 +62,9 @@ def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.gains", description=__doc__)
     json_file.check(arguments.json)
     found = {}
-    for name in filter(ON_GPUS.__contains__, arguments.steps):
-        _check_gpu(name)
+    for name in arguments.steps:
+        if name in ON_GPUS:
+            _check_gpu(name)
     with explained():
         for name in arguments.steps or STEPS:
             found[name] = compare(*(STEPS | ON_GPUS)[name](), arguments.repeats)

@@ -2,7 +2,7 @@
 
 from experiments.paper import step_tables
 from experiments.reproduction import chance as measured
-from experiments.reproduction import representations
+from experiments.reproduction import published_runs, representations
 from experiments.reproduction import runs as named
 from experiments.reproduction.anytask.items import ANY_ITEMS, GROUP
 from experiments.reproduction.plan import Item
@@ -190,7 +190,7 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "published-more": Item(
         "The published program on more seeds, and the sign of its critic at first",
-        (*published_more.MORE, *named.VALUES),
+        (*published_more.MORE, *published_runs.VALUES),
         published_more.more_seeds,
         smoke=published_more.MORE[1:],
         beside=published_more.BEFORE,

@@ -12,11 +12,10 @@ from experiments.paper import step_tables
 from experiments.reproduction import chance, rates, representations
 from experiments.reproduction.anytask.runs import ANY_AGENTS, any_runs
 from experiments.reproduction.plan import Run
+from experiments.reproduction.pretraining_runs import pretraining_run
+from experiments.reproduction.published_runs import published_runs
 from experiments.reproduction.variants import changed_learner, with_context, with_encoder, with_gru_reader, with_rate
-from t2tl_jax.networks.rgcn import RGCNConfig
-from t2tl_jax.networks.transformer import TransformerConfig
-from t2tl_jax.registry import ENVS, named_config
-from t2tl_jax.runs import pretraining
+from t2tl_jax.registry import named_config
 from t2tl_jax.runs.config import Config, SelectionConfig
 
 ZONE_FRAMES = 10_000_000
@@ -62,25 +61,6 @@ BEGINNING = tuple(f"water-{name}{how}" for name in ("t1tl", "rm") for how in SOO
 SHORTLY = {f"water-{method}": f"water-{method}{SOONER[-1]}" for method in ("gnn", "dfa")}
 """Other methods that were trained in the last of these ways, by their usual run. T2TL and DFA with context take several
 times as long, and were not."""
-
-
-MORE_SEED = 36
-"""The first of the published program's second runs, whose seeds are the numbers that come next, chosen before any of
-their outcomes was known."""
-MORE_SEEDS, FEWER_MORE_SEEDS = (",".join(map(str, range(MORE_SEED, end))) for end in (60, 48))
-"""Those of T1TL, and of T2TL, which takes longer."""
-
-MORE = "-more"
-"""What their names end with."""
-
-VALUE_SEED = 60
-"""The first seed of the runs of the published program whose critics are set below and above 0 at first, the number that
-comes next."""
-VALUE_SEEDS = ",".join(map(str, range(VALUE_SEED, 84)))
-VALUE_BIAS = 0.5
-"""By how much: of 36 critics 26 were nearer to 0 than this at first."""
-VALUES = {"zone-published-t1tl-value-below": -VALUE_BIAS, "zone-published-t1tl-value-above": VALUE_BIAS}
-"""What is added to the value of each of these runs."""
 
 
 def again_name(name: str) -> str:
@@ -141,7 +121,7 @@ def _zone(runs: dict[str, Run]) -> dict[str, Run]:
     new: dict[str, Run] = {}
     for method in ZONE_METHODS:
         config = apply(base, method)
-        before = _pretraining(new, "zone", config)
+        before = pretraining_run(new, "zone", config)
         new[f"zone-{method}"] = Run(config, before)
         alone = None if before is None else _alone(new, before)
         new[f"zone-{method}-alone"] = _timed(config, alone)
@@ -160,80 +140,24 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
     for method in ("t2tl", "t1tl", "gnn"):
         for kind in ("none", "own", "random"):
             config = apply(short, method)
-            before = None if kind == "none" else _pretraining(runs, "zone", config, kind, new)
+            before = None if kind == "none" else pretraining_run(runs, "zone", config, kind, new)
             config = replace(config, pretrained="") if before is None else config
             new[f"zone-{method}-pre-{kind}"] = Run(config, before)
     safe = named_config("zone_ppo_safe")
     for method in ZONE_METHODS:
         config = apply(safe, method)
-        new[f"safe-{method}"] = Run(config, _pretraining(new, "safe", config))
+        new[f"safe-{method}"] = Run(config, pretraining_run(new, "safe", config))
     prime = replace(short, task="phi_zone_prime")
     new["prime-fresh"] = Run(replace(prime, pretrained=""), read=True)
-    new["prime-own"] = Run(prime, _pretraining(new, "prime", prime), read=True)
+    new["prime-own"] = Run(prime, pretraining_run(new, "prime", prime), read=True)
     dropping = replace(prime, progression="paper")
-    new["prime-progression-paper"] = Run(dropping, _pretraining(new, "prime-progression-paper", dropping))
+    new["prime-progression-paper"] = Run(dropping, pretraining_run(new, "prime-progression-paper", dropping))
     new["prime-labels-state"] = Run(replace(prime, labels="state"), "prime-pretraining-transformer")
     published = named_config("zone_ppo_published")
     without = with_context(published, first_token="none")  # it was made before there was that token
-    new["zone-published"] = Run(without, _pretraining(new, "zone-published", without))
+    new["zone-published"] = Run(without, pretraining_run(new, "zone-published", without))
     new["zone-gru-reader"] = Run(with_gru_reader(short), "zone-pretraining-transformer")
-    return new | published_pieces() | _published_more()
-
-
-def published_pieces() -> dict[str, Run]:
-    """The published program for T1TL without pre-training, and with one choice of its code as it is by default here,
-    or with two of them.
-
-    The motion is in closed form, since MJX takes long to step so few environments so often.
-    """
-    base = replace(apply(_published_in_closed_form(), "t1tl"), pretrained="")
-    default: Any = apply(named_config("zone_ppo_long"), "t1tl").learner
-
-    def of_network(name: str) -> Any:
-        network = replace(base.learner.network, **{name: getattr(default.network, name)})
-        return changed_learner(base.learner, network=network)
-
-    learners = {
-        "": base.learner,
-        "-correlated-noise": changed_learner(base.learner, noise_time=default.noise_time),
-        "-no-bonus": changed_learner(base.learner, entropy_coefficient=default.entropy_coefficient),
-        "-timeouts-no-end": changed_learner(base.learner, timeout_is_terminal=default.timeout_is_terminal),
-        "-normalised-advantages": changed_learner(base.learner, normalise_advantage=True),
-        "-512-environments": changed_learner(base.learner, num_envs=512, unroll_length=128),
-        "-squashed-observations": of_network("observation"),
-        "-critic-from-zero": of_network("value_scale"),
-        "-corrected-reader": of_network("task_encoder"),
-    }
-    no_end = learners["-timeouts-no-end"]
-    learners |= {
-        "-timeouts-correlated": changed_learner(no_end, noise_time=default.noise_time),
-        "-timeouts-normalised": changed_learner(no_end, normalise_advantage=True),
-    }
-    return {f"zone-published-t1tl{name}": Run(replace(base, learner=learner)) for name, learner in learners.items()}
-
-
-def _published_more() -> dict[str, Run]:
-    """The published program on other seeds, all of it in closed form: T1TL without pre-training as before, and T2TL
-    with its pre-training and the first token of its windows."""
-    t1tl, t2tl = published_pieces()["zone-published-t1tl"], _published_in_closed_form()
-    new: dict[str, Run] = {}
-    new[f"zone-published-t2tl{MORE}"] = Run(t2tl, _pretraining(new, f"zone-published{MORE}", t2tl))
-    new = {name: replace(run, seeds=FEWER_MORE_SEEDS) for name, run in new.items()}
-    new[f"zone-published-t1tl{MORE}"] = replace(t1tl, seeds=MORE_SEEDS)
-    new = {name: replace(run, first_seed=MORE_SEED) for name, run in new.items()}
-    assert t1tl.config is not None
-    learner: Any = t1tl.config.learner
-    for name, bias in VALUES.items():
-        moved = changed_learner(learner, network=replace(learner.network, value_bias=bias))
-        config = replace(t1tl.config, learner=moved)
-        new[name] = replace(t1tl, config=config, seeds=VALUE_SEEDS, first_seed=VALUE_SEED)
-    return new
-
-
-def _published_in_closed_form() -> Config:
-    published = named_config("zone_ppo_published")
-    env: Any = published.env
-    return replace(published, env=replace(env, physics="closed_form"))
+    return new | published_runs()
 
 
 def _water(runs: dict[str, Run]) -> dict[str, Run]:
@@ -242,7 +166,7 @@ def _water(runs: dict[str, Run]) -> dict[str, Run]:
     new: dict[str, Run] = {}
     for method in WATER_METHODS:
         config = apply(base, method)
-        before = _pretraining(new, "water", config)
+        before = pretraining_run(new, "water", config)
         new[f"water-{method}"] = new[again_name(f"water-{method}")] = Run(config, before)
         alone = None if before is None else _alone(new, before)
         new[f"water-{method}-alone"] = _timed(config, alone)
@@ -256,7 +180,7 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
     paper = named_config("waterworld_dqn_paper")
     for method in ("t1tl", "t2tl", "gnn"):
         config = apply(paper, method)
-        new[f"water-paper-{method}"] = Run(config, _pretraining(runs, "water", config, "own", new))
+        new[f"water-paper-{method}"] = Run(config, pretraining_run(runs, "water", config, "own", new))
     new["water-t1tl-labels-state"] = Run(replace(apply(base, "t1tl"), labels="state"), "water-pretraining-transformer")
     slow = replace(
         apply(paper, "t1tl"), learner=changed_learner(apply(paper, "t1tl").learner, task_encoder_learning_rate=4e-5)
@@ -281,7 +205,7 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
     for usual, name in SHORTLY.items():
         config = apply(base, usual.removeprefix("water-"))
         config = replace(config, learner=changed_learner(config.learner, **SHORT_EXPLORATION))
-        new[name] = Run(config, _pretraining(runs, "water", config))
+        new[name] = Run(config, pretraining_run(runs, "water", config))
 
     for method in ("t2tl", "t1tl", "gnn"):  # the encoder learns in all of them
         config = apply(base, method)
@@ -289,11 +213,11 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
         config = replace(config, learner=changed_learner(config.learner, network=network))
         new[f"water-{method}-pre-none"] = Run(replace(config, pretrained=""))
         for kind in ("own", "random"):
-            new[f"water-{method}-pre-{kind}"] = Run(config, _pretraining(runs, "water", config, kind, new))
+            new[f"water-{method}-pre-{kind}"] = Run(config, pretraining_run(runs, "water", config, kind, new))
 
     for width in (8, 16):  # 32 is the default
         config = with_encoder(t1tl, output=width)
-        before = _pretraining(runs, f"water-{width}", config, "own", new)
+        before = pretraining_run(runs, f"water-{width}", config, "own", new)
         new[f"water-t1tl-{width}"] = Run(config, before)
     for width in (6, 32):  # 16 is the default
         new[f"water-rm-{width}"] = Run(with_encoder(one_hot, size=width))
@@ -309,7 +233,7 @@ def _steps(runs: dict[str, Run]) -> dict[str, Run]:
         for method in STEP_METHODS:
             config = step_tables.configuration(apply(base, method), cell, same_maps)
             config = replace(config, run=replace(config.run, table_rows=STEP_ROWS, table_length=STEP_LENGTH))
-            before = _pretraining(runs, f"water-{cell.goals}-{cell.obstacles}", config, "own", new)
+            before = pretraining_run(runs, f"water-{cell.goals}-{cell.obstacles}", config, "own", new)
             new[step_name(cell, same_maps, method)] = Run(config, before, limits=step_tables.LIMITS)
     return new
 
@@ -354,7 +278,7 @@ def _search(world: str, base: Config) -> dict[str, Run]:
     new: dict[str, Run] = {}
     for method in SEARCH_METHODS[world]:
         config = apply(base, method.replace("-", "_"))
-        before = _pretraining(new, f"search-{world}", config)
+        before = pretraining_run(new, f"search-{world}", config)
         config = replace(config, selection=SelectionConfig(points=0))
         for which in rates.RATES:
             new[rates.search_name(world, method, which)] = Run(with_rate(config, which), before, evaluated=False)
@@ -370,22 +294,6 @@ def _own_rates(runs: dict[str, Run]) -> dict[str, Run]:
             assert shared.config is not None
             new[rates.own_name(f"{world}-{method}")] = replace(shared, config=with_rate(shared.config, which))
     return new
-
-
-def _pretraining(
-    runs: dict[str, Run], world: str, config: Config, kind: str = "own", new: dict[str, Run] | None = None
-) -> str | None:
-    """The name of the run that pre-trains the configuration's encoder, which is added to `new` unless it is known."""
-    encoder, new = config.learner.task_encoder, runs if new is None else new
-    if encoder is None or not encoder.learned:
-        return None
-    reader = {TransformerConfig: "transformer", RGCNConfig: "gnn"}[type(encoder)]  # type: ignore[index]
-    name = f"{world}-pretraining-{reader}" + ("" if kind == "own" else f"-{kind}")
-    if name not in runs and name not in new:
-        wanted = replace(config, pretrained="auto:own" if kind == "own" else "auto")
-        before = pretraining.matching(wanted, ENVS.maker(config.env)(config.env))
-        new[name] = Run(before, evaluated=False)
-    return name
 
 
 def _timed(config: Config, before: str | None) -> Run:

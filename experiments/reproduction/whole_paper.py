@@ -7,7 +7,8 @@ from pathlib import Path
 
 from experiments.reproduction import rates
 from experiments.reproduction.page import origin, paragraph
-from experiments.reproduction.runs import MORE, again_name
+from experiments.reproduction.published_runs import MORE
+from experiments.reproduction.runs import again_name
 from experiments.reproduction.sections import figures
 from experiments.reproduction.sections.ablation import EVERY
 from experiments.reproduction.stored import Stored

@@ -8,7 +8,8 @@ import pytest
 from experiments.reproduction import stored
 from experiments.reproduction.items import ITEMS
 from experiments.reproduction.page import page
-from experiments.reproduction.runs import VALUE_BIAS, VALUES, all_runs
+from experiments.reproduction.published_runs import VALUE_BIAS, VALUES
+from experiments.reproduction.runs import all_runs
 from experiments.reproduction.sections import critic_moved, critic_sign, figures, published_more
 from experiments.reproduction.stored import Stored
 from t2tl_jax.registry import named_config

@@ -18,7 +18,8 @@ from experiments.fairness import sizes
 from experiments.reproduction import claims, items, locks, measures, representations, stored, work
 from experiments.reproduction.page import SMOKE, named, page
 from experiments.reproduction.plan import Item, Run, Scale
-from experiments.reproduction.runs import AGENTS, MAPS, MORE, TIMED, VALUES, again_name, all_runs
+from experiments.reproduction.published_runs import MORE, VALUES
+from experiments.reproduction.runs import AGENTS, MAPS, TIMED, again_name, all_runs
 from experiments.reproduction.sections import unit_time
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder

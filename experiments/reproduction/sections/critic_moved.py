@@ -6,7 +6,7 @@ from scipy import stats
 
 from experiments.reproduction.cells import median_frames
 from experiments.reproduction.page import paragraph, table
-from experiments.reproduction.runs import VALUE_BIAS, VALUES
+from experiments.reproduction.published_runs import VALUE_BIAS, VALUES
 from experiments.reproduction.sections.critic_sign import Begun, begun
 from experiments.reproduction.stored import Stored
 from experiments.tuning import in_words

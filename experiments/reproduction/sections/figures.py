@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.paper import published_water, published_widths
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import below
+from experiments.reproduction import below, published_runs
 from experiments.reproduction import runs as named
 from experiments.reproduction.cells import cost_line, share, text
 from experiments.reproduction.claims import differences
@@ -198,7 +198,7 @@ def published_program(runs: Mapping[str, Stored]) -> str:
 
 
 BASE = "zone-published-t1tl"
-PUBLISHED_PIECES = tuple(name for name in named.published_pieces() if name != BASE)
+PUBLISHED_PIECES = tuple(name for name in published_runs.published_pieces() if name != BASE)
 NO_END, OF_TWO = f"{BASE}-timeouts-no-end", (f"{BASE}-timeouts-correlated", f"{BASE}-timeouts-normalised")
 """One choice, and two runs with another one beside it."""
 FEW_ENVIRONMENTS = 16

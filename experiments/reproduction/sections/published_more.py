@@ -10,7 +10,7 @@ from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import below
 from experiments.reproduction.cells import COST, cost
 from experiments.reproduction.page import paragraph, table
-from experiments.reproduction.runs import VALUES
+from experiments.reproduction.published_runs import VALUES
 from experiments.reproduction.sections.critic_moved import moved
 from experiments.reproduction.sections.critic_sign import begun, by_sign, split
 from experiments.reproduction.stored import Stored
