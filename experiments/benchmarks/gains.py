@@ -29,7 +29,7 @@ class Arguments:
     """Time forms of the same work beside each other, and count their arithmetic."""
 
     steps: tuple[str, ...] = ()
-    """Which of them, such as guard or next_state; by default all but those of GPUs alone (graphs_t1tl and so on)."""
+    """Which of them, such as guard or next_state; by default all but those for GPUs (guard_12 to graphs_dqn)."""
     repeats: int = 5
     """Timed calls of each form; the median of the ratios of neighbouring calls is reported, from six calls on with its
     interval."""
@@ -39,8 +39,8 @@ class Arguments:
     def __post_init__(self) -> None:
         checks.counts(self, "repeats")
         for name in self.steps:
-            if name not in (known := STEPS | ON_GPUS):
-                raise ValueError(f"steps: there is no {name!r}{did_you_mean(name, known)}; known: {', '.join(known)}")
+            if name not in KNOWN:
+                raise ValueError(f"steps: there is no {name!r}{did_you_mean(name, KNOWN)}; known: {', '.join(KNOWN)}")
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def _main(texts: list[str]) -> int:
             _check_gpu(name)
     with explained():
         for name in arguments.steps or STEPS:
-            found[name] = compare(*(STEPS | ON_GPUS)[name](), arguments.repeats)
+            found[name] = compare(*KNOWN[name](), arguments.repeats)
             print(f"{name}: {found[name]}", flush=True)
     json_file.store(arguments, "experiments.benchmarks.gains", texts, steps=found)
     return 0
@@ -192,12 +192,17 @@ def next_state() -> tuple[Form, Form]:
     return gradient(True), gradient(False)
 
 
-def guard(seeds: int = 1) -> tuple[Form, Form]:
-    """An iteration of T1TL that freezes seeds whose numbers are not finite, and one that does not: what that costs."""
+def guard(text: str, seeds: int) -> tuple[Form, Form]:
+    """An iteration that freezes seeds whose numbers are not finite, and one that does not: what that costs.
+
+    Args:
+        text: the training.
+        seeds: how many.
+    """
     from experiments.benchmarks.trainings import training
     from t2tl_jax.runs import experiment
 
-    config = replace(training("zone_ppo:t1tl:closed_form"), seeds=str(seeds))
+    config = replace(training(text), seeds=str(seeds))
     with patch.object(experiment, "watched", lambda agent: agent):
         without = _iteration(config)
     return _iteration(config), without
@@ -246,10 +251,17 @@ STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "segments": segments,
     "next_values": next_values,
     "next_state": next_state,
-    "guard": guard,
-    "guard_12": partial(guard, 12),
+    "guard": partial(guard, "zone_ppo:t1tl:closed_form", 1),
 }
 """Both forms of each step, the slow one first."""
+
+FOR_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
+    "guard_12": partial(guard, "zone_ppo:t1tl:closed_form", 12),
+    "guard_mjx": partial(guard, "zone_ppo_long:t1tl", 12),
+    "guard_t2tl": partial(guard, "zone_ppo_long:t2tl", 12),
+    "guard_dqn": partial(guard, "waterworld_dqn:t1tl", 12),
+}
+"""Likewise, of a size that takes long without a GPU; these are done where they are asked for."""
 
 ON_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "graphs_t1tl": partial(graphs, "zone_ppo_long:t1tl", 12),
@@ -257,7 +269,10 @@ ON_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "graphs_closed_form": partial(graphs, "zone_ppo_long:t1tl:closed_form", 12),
     "graphs_dqn": partial(graphs, "waterworld_dqn:t1tl", 12),
 }
-"""Likewise; these are steps on NVIDIA GPUs alone, and done where they are asked for."""
+"""Likewise; these are steps on NVIDIA GPUs alone."""
+
+KNOWN = STEPS | FOR_GPUS | ON_GPUS
+"""All of them."""
 
 
 if __name__ == "__main__":

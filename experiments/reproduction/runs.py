@@ -58,9 +58,8 @@ SOONER = ("", "-per-16", "-short-exploration")
 
 BEGINNING = tuple(f"water-{name}{how}" for name in ("t1tl", "rm") for how in SOONER)
 
-SHORTLY = {f"water-{method}": f"water-{method}{SOONER[-1]}" for method in ("gnn", "dfa")}
-"""Other methods that were trained in the last of these ways, by their usual run. T2TL and DFA with context take several
-times as long, and were not."""
+SHORTLY = {f"water-{method}": f"water-{method}{SOONER[-1]}" for method in WATER_METHODS if method not in ("t1tl", "rm")}
+"""The other methods in the last of these ways, by their usual run."""
 
 
 def again_name(name: str) -> str:

@@ -109,8 +109,9 @@ def test_other_methods_have_tables_of_their_own(make):
             runs[name] = make(name, iterations=100, episodes=100.0, **rates)
     text = chance.water_beginning(runs)
     assert figures.other_beginnings({name: runs[name] for name in SHORTLY}) == ""
-    assert "| episode | dfa | dfa-short-exploration | gnn | gnn-short-exploration | DFA, published |" in text
-    assert "| 500 | -1.000 | 0.200 | -1.000 | 0.200 | -0.96 | -0.89 |" in text
+    for curve, (method, first) in {"DFA": ("dfa", "-0.96"), "T2TL_pre": ("t2tl", "-0.91")}.items():
+        assert f"| episode | {method} | {method}-short-exploration | {curve}, published |" in text
+        assert f"| 500 | -1.000 | 0.200 | {first} |" in text
     assert "water-gnn-short-exploration - water-gnn | " in text and "rm" not in text.partition("**Other methods.**")[0]
     flat = " ".join(text.split())
     assert "Below the published mean at none of these marks." in flat and "water-gnn at episodes 500 to 3,000" in flat

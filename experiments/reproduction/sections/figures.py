@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -95,8 +95,11 @@ settings of `waterworld_dqn` before its present ones, and on which maps those we
 5 %. How many updates and how much exploration the published curves had is not published, nor are the balls' radius and
 speed."""
 
-OTHER_BEGINNINGS = """**Other methods.** GNN and DFA were trained with the settings of `short-exploration` too, from
-which their usual runs differ as `t1tl` does. T2TL and DFA with context were not: they take several times as long."""
+OTHER_BEGINNINGS = """**Other methods.** They were trained with the settings of `short-exploration` too, from which
+their usual runs differ as `t1tl` does."""
+
+OTHER_CURVES = {"t2tl": "T2TL_pre", "gnn": "GNN_pre", "dfa": "DFA", "dfa_cont": "DFA_cont"}
+"""The published curve of each of them."""
 
 
 def zone_figure(runs: Mapping[str, Stored]) -> str:
@@ -166,23 +169,29 @@ def other_beginnings(runs: Mapping[str, Stored]) -> str:
     if not runs.keys() & set(named.SHORTLY.values()):
         return ""
     marks = [mark for mark in published_water.EPISODES if mark <= 3000]
-    published = {name: published_water.PHI_WATER["GNN_pre" if "gnn" in name else "DFA"] for name in runs}
-    labels = {name: name.removeprefix("water-") for name in sorted(runs)}
+    published = {name: published_water.PHI_WATER[OTHER_CURVES[_method(name)]] for name in runs}
     means = {name: mean_return_at(run, marks) for name, run in runs.items()}
-    pairs = [(name, usual) for usual, name in named.SHORTLY.items()]
+    pairs = [(short, usual) for usual, short in named.SHORTLY.items()]
     return _joined(
         paragraph(OTHER_BEGINNINGS),
-        curves_by_episode(
-            {name: runs[name] for name in labels},
-            labels,
-            marks,
-            {name: curve for name, curve in published_water.PHI_WATER.items() if curve in published.values()},
-        ),
+        *(_beginning_of(method, runs, marks) for method in OTHER_CURVES),
         differences(runs, pairs, means, MEAN_AT_EPISODES, ()),
         below.by_episode(runs, published, marks),
         short_windows(runs, published),
         cost_line({name: runs[name] for name in named.SHORTLY.values() if name in runs}),
     )
+
+
+def _beginning_of(method: str, runs: Mapping[str, Stored], marks: Sequence[int]) -> str:
+    """The curves of one method, usual and with short exploration, beside the published one; '' without such runs."""
+    labels = {name: name.removeprefix("water-") for name in runs if _method(name) == method}
+    curve = OTHER_CURVES[method]
+    return curves_by_episode(runs, labels, marks, {curve: published_water.PHI_WATER[curve]}) if labels else ""
+
+
+def _method(name: str) -> str:
+    """Of a run in WaterWorld, as it is or with short exploration."""
+    return name.removeprefix("water-").removesuffix(named.SOONER[-1])
 
 
 def published_program(runs: Mapping[str, Stored]) -> str:
