@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import flashbax
 import jax
 import jax.numpy as jnp
+import optax
 from flax import struct
 
 from t2tl_jax.agents.td_learning import Transition
@@ -55,6 +56,11 @@ def make_replay(size: int, batch_size: int, num_envs: int, context: ContextConfi
         seen = () if context.recompute else steps.seen[..., -1, :]
         return replace(given, steps=Slot(steps.reward[..., -1], seen, steps.valid.sum(-1, dtype=jnp.int32)))
 
+    def init(blank: Transition) -> Any:
+        """Zeros: from JAX 0.11 on flashbax leaves memory as it was, and not every byte of it is a bool that a
+        checkpoint can hold."""
+        return optax.tree.zeros_like(ring.init(stored(blank)))
+
     def sample(state: Any, key: jax.Array) -> Transition:
         held, steps = size + behind, state.experience
         count = jnp.where(state.is_full, size, jnp.minimum(state.current_index, size))
@@ -77,7 +83,7 @@ def make_replay(size: int, batch_size: int, num_envs: int, context: ContextConfi
         return replace(batch, steps=Window(slots(steps.action), slots(steps.steps.reward), slots(seen), valid))
 
     return Replay(
-        init=lambda blank: ring.init(stored(blank)),
+        init=init,
         add=lambda state, given: ring.add(state, stored(given)),
         sample=sample,
     )
