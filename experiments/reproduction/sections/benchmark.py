@@ -84,8 +84,8 @@ So two aims are missed here: that a search for one method is made for all, and t
 maps from 100 on would mend both, and was not made: each of its runs would take as long as those below. Without the
 maps of ql's search:"""
 
-OTHERWISE = """Width, head and learning rate are not the published ones (see below), and which of them makes the
-difference, where there is one, is open."""
+OTHERWISE = """Width, head and learning rate of ql and ql_shaped are not the published ones (see below), and which of
+them makes the difference, where there is one, is open."""
 
 LEAD = """A lead on why crm's single task is behind, and no explanation: the authors trained crm with three layers of
 512 too (crm1, one repeat), the width of ours. At their learning rate it ends the ten tasks at a score of {narrow:.3f}
