@@ -122,6 +122,8 @@ def _main(texts: Sequence[str]) -> int:
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
     anew = not any(base.glob("*/status.json"))
     failed: list[str] = []
+    if not arguments.keep and arguments.scale == "full":
+        _say_if_modified()
     if arguments.keep:
         if not base.is_dir():
             raise UserError(f"--keep: there is no folder {base}, so there are no runs to be kept")
@@ -183,6 +185,16 @@ def _main(texts: Sequence[str]) -> int:
     if failed:
         print(f"failed: {', '.join(failed)}")
     return 1 if failed else 0
+
+
+def _say_if_modified() -> None:
+    """Say at the beginning what `--keep` would say at the end: that nothing of a modified tree is kept."""
+    from experiments.reproduction.stored import unclean
+    from t2tl_jax.runs import source_tree
+
+    made = source_tree.describe()
+    if made["git_modified"]:
+        print(f"note: --keep will refuse what is trained now, since {unclean(made)}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

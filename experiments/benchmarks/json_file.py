@@ -4,6 +4,7 @@ Until then what is measured so far may stand in a file beside it, so that what i
 whole file of an earlier time in pieces.
 """
 
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import cache
@@ -15,14 +16,18 @@ from t2tl_jax.runs import source_tree
 
 
 def check(file: Path | None) -> None:
-    """Refuse a file that cannot be written, if one is named. What it will say of the source tree is looked up now.
+    """Refuse a file that cannot be written, if one is named. What it will say of the source tree is looked up now, and
+    printed where the tree differs from its commit: results of such a tree are not kept in the repository.
 
     Raises:
         UserError: if its folder is not there.
     """
     if file is not None and not file.absolute().parent.is_dir():
         raise UserError(f"--json {file}: there is no folder {file.parent}; make it first")
-    _tree()
+    tree = _tree()
+    if file is not None and tree["git_modified"]:
+        changed = ", ".join(tree["git_changed"][:3])
+        print(f"note: {file} will say that the source tree differs from its commit, in {changed}", file=sys.stderr)
 
 
 def where(command: Sequence[str]) -> dict[str, Any]:

@@ -160,11 +160,23 @@ def test_what_is_measured_so_far_lies_beside_the_file_until_all_is_there(tmp_pat
     assert content["where"]["command"] == ["python", "-m", "x", "--json", "x.json"]
 
 
-def test_the_tree_is_told_as_it_was_at_the_beginning(tmp_path, monkeypatch):
-    """Other commands may store results in it meanwhile."""
-    trees = iter([{"git_modified": False}, {"git_modified": True}])
-    monkeypatch.setattr(json_file.source_tree, "describe", lambda: next(trees))
+@pytest.fixture
+def trees(monkeypatch):
+    """Of the source tree, as it is told to be by turns."""
+    trees = [{"git_modified": False}, {"git_modified": True, "git_changed": ["results/a.json", "b.py"]}]
+    monkeypatch.setattr(json_file.source_tree, "describe", lambda: trees.pop(0))
     json_file._tree.cache_clear()
-    json_file.check(tmp_path / "a.json")
-    assert json_file.where(["a command"])["git_modified"] is False
+    yield trees
     json_file._tree.cache_clear()  # which other tests look up again
+
+
+def test_the_tree_is_told_as_it_was_at_the_beginning(tmp_path, trees, capsys):
+    """Other commands may store results in it meanwhile."""
+    json_file.check(tmp_path / "a.json")
+    assert json_file.where(["a command"])["git_modified"] is False and capsys.readouterr().err == ""
+
+
+def test_a_modified_tree_is_told_before_anything_is_measured(tmp_path, trees, capsys):
+    del trees[0]
+    json_file.check(tmp_path / "a.json")
+    assert "differs from its commit, in results/a.json, b.py\n" in capsys.readouterr().err

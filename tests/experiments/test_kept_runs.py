@@ -16,7 +16,7 @@ from experiments import reproduce
 from experiments.reproduction import stored
 from t2tl_jax.errors import UserError
 from t2tl_jax.registry import named_config
-from t2tl_jax.runs import config_files
+from t2tl_jax.runs import config_files, source_tree
 
 ROOT = Path(__file__).parents[2]
 
@@ -73,6 +73,15 @@ def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, v
     (source / "versions.json").write_text(json.dumps({"started": clean}))
     stored.keep("run", source, tmp_path / "kept", repository=repository)
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["versions.json"]
+
+
+@pytest.mark.parametrize(("changed", "said"), [([], ""), (["results/a.json"], "refuse what is trained now, since its")])
+def test_that_nothing_will_be_kept_is_said_before_a_training(changed, said, monkeypatch, capsys):
+    tree = {"git_revision": "abc", "git_modified": bool(changed), "git_changed": changed}
+    monkeypatch.setattr(source_tree, "describe", lambda: tree)
+    reproduce._say_if_modified()
+    told = capsys.readouterr().err
+    assert said in told and bool(told) is bool(changed)
 
 
 def test_results_of_commits_that_nobody_could_look_up_are_not_kept(source, tmp_path, repository, monkeypatch):
