@@ -48,7 +48,7 @@ for x in jax.tree.leaves(episodes):
 assert [1 if over is None else over.mesh.size for over in map(env_speed.shared_out, (6, 7, 1))] == [3, 1, 1]
 speed = env_speed.measure(env, 8, 5, 1, 20)
 assert speed.devices == 4 and speed.steps_per_s > 0
-assert all(over.spec == ("envs",) for over in jax.tree.leaves(timed[-1].output_shardings[0]))
+assert all(tuple(over.spec) == ("envs",) for over in jax.tree.leaves(timed[-1].output_shardings[0]))
 assert "all-gather" not in timed[-1].as_text()  # each device steps its own
 
 # ----- trainings -----
