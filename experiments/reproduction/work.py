@@ -214,6 +214,8 @@ def _failure(
     began, failure = time.monotonic(), None
     try:
         ended = do(run, scale, base / name, None if run.before is None else base / run.before, deadline, stop)
+    except UserError as error:
+        ended, failure = f"failed: {error}", type(error)
     except Exception as error:
         ended, failure = f"failed: {type(error).__name__}: {error}", type(error)
         say(traceback.format_exc())

@@ -90,6 +90,17 @@ def test_what_is_done_is_kept_what_fails_is_told_and_the_rest_goes_on(tmp_path):
     assert work.do_all(runs, list("abc"), scale, tmp_path, work.Deadline(-1.0), NeverStop(), said.append) == []
 
 
+@pytest.mark.parametrize(("kind", "traced"), [(UserError, False), (RuntimeError, True)])
+def test_what_a_message_explains_is_told_without_a_traceback(tmp_path, kind, traced):
+    def measure(folder):
+        raise kind("no luck")
+
+    said, runs = [], {"a": Run(None, measure=measure, evaluated=False)}
+    assert work.do_all(runs, ["a"], Scale("full", "1"), tmp_path, work.Deadline(1.0), NeverStop(), said.append) == ["a"]
+    assert any("failed: " in line and "no luck" in line for line in said)
+    assert any("Traceback" in line for line in said) is traced
+
+
 def test_a_run_that_may_lack_memory_is_done_once_more_at_the_end_and_then_alone(tmp_path, monkeypatch):
     done, said, claims, tries = [], [], [], dict.fromkeys("abd", 0)
     claimed = locks.claimed
