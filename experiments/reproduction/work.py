@@ -214,11 +214,11 @@ def _failure(
     began, failure = time.monotonic(), None
     try:
         ended = do(run, scale, base / name, None if run.before is None else base / run.before, deadline, stop)
-    except UserError as error:
-        ended, failure = f"failed: {error}", type(error)
     except Exception as error:
-        ended, failure = f"failed: {type(error).__name__}: {error}", type(error)
-        say(traceback.format_exc())
+        failure, explained = type(error), isinstance(error, UserError)
+        ended = f"failed: {error}" if explained else f"failed: {type(error).__name__}: {error}"
+        if not explained:
+            say(traceback.format_exc())
     say(f"    {ended} after {time.monotonic() - began:.0f} s")
     return failure
 

@@ -5,6 +5,7 @@ killed process or a full disk leaves the previous ones intact. It holds a checks
 damaged later is told, and the one before it is taken. Nothing in it is code: arrays, and one JSON object.
 """
 
+import errno
 import logging
 import os
 import shutil
@@ -40,6 +41,8 @@ UNFINISHED = "*.orbax-checkpoint-tmp*"
 ASIDE = "damaged_checkpoints"
 """Folder beside the checkpoints, for those that a resumed run could not read."""
 
+OF_THE_DISK = tuple(map(os.strerror, (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO)))
+"""What the system says of a disk that cannot be written."""
 
 OTHER_REPLAY = (
     "It may be of an earlier version, which kept a replay with context in another form: such a run can be loaded, "
@@ -350,6 +353,10 @@ def _without(state: Any, replay: str) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    """Its first line; of a long one the beginning and the end, since TensorStore ends with the cause."""
+    """Its first line; of a long one the beginning and the end, where TensorStore mostly has the cause, or what it says
+    of the disk if that stands between."""
     text = (str(error).strip() or type(error).__name__).splitlines()[0]
-    return text if len(text) <= 300 else f"{text[:140]} ... {text[-150:]}"
+    if len(text) <= 300:
+        return text
+    short = f"{text[:140]} ... {text[-150:]}"
+    return next((f"{said}: {short}" for said in OF_THE_DISK if said in text and said not in short), short)

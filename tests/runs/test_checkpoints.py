@@ -19,6 +19,7 @@ from flax import struct
 
 from t2tl_jax.errors import Note
 from t2tl_jax.quiet import LEFT_LOOP, quiet_left_writes
+from t2tl_jax.runs import checkpoints
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 
 
@@ -242,3 +243,10 @@ def test_what_is_said_of_left_writes_is_dropped_and_other_errors_are_heard(monke
             raise OSError("full")
     say()
     assert heard == [other, other]
+
+
+@pytest.mark.parametrize(("before", "begins"), [(0, "RESOURCE"), (400, "No space left on device: RESOURCE")])
+def test_the_cause_of_a_long_message_is_told_wherever_it_stands(before, begins):
+    message = f"RESOURCE_EXHAUSTED: {'x' * before} No space left on device [{'y' * 500}]"
+    said = checkpoints._reason(OSError(message))
+    assert said.startswith(begins) and said.count("No space left on device") == 1 and len(said) < 400
