@@ -188,7 +188,7 @@ def _main(texts: Sequence[str]) -> int:
 
 
 def _say_if_modified() -> None:
-    """Say at the beginning what `--keep` would say at the end: that nothing of a modified tree is kept."""
+    """Say before anything is trained what `--keep` says afterwards of a tree that differs from its commit."""
     from experiments.reproduction.stored import unclean
     from t2tl_jax.runs import source_tree
 

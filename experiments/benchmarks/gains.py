@@ -261,7 +261,7 @@ FOR_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "guard_t2tl": partial(guard, "zone_ppo_long:t2tl", 12),
     "guard_dqn": partial(guard, "waterworld_dqn:t1tl", 12),
 }
-"""Likewise, of a size that takes long without a GPU; these are done where they are asked for."""
+"""Likewise, of a size that takes long without a GPU; these are done only where they are named."""
 
 ON_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "graphs_t1tl": partial(graphs, "zone_ppo_long:t1tl", 12),

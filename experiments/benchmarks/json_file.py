@@ -17,7 +17,7 @@ from t2tl_jax.runs import source_tree
 
 def check(file: Path | None) -> None:
     """Refuse a file that cannot be written, if one is named. What it will say of the source tree is looked up now, and
-    printed where the tree differs from its commit: results of such a tree are not kept in the repository.
+    that the tree differs from its commit is printed: the project keeps no results of such a tree.
 
     Raises:
         UserError: if its folder is not there.
@@ -26,8 +26,9 @@ def check(file: Path | None) -> None:
         raise UserError(f"--json {file}: there is no folder {file.parent}; make it first")
     tree = _tree()
     if file is not None and tree["git_modified"]:
-        changed = ", ".join(tree["git_changed"][:3])
-        print(f"note: {file} will say that the source tree differs from its commit, in {changed}", file=sys.stderr)
+        changed = tree["git_changed"]
+        named = ", ".join(changed[:3]) + (" and others" if len(changed) > 3 else "")
+        print(f"note: the source tree differs from its commit in {named}: results of it are not kept", file=sys.stderr)
 
 
 def where(command: Sequence[str]) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from t2tl_jax.errors import UserError
 from t2tl_jax.registry import make_env
 from t2tl_jax.runs import config_files, evaluations, train
 from t2tl_jax.runs.callbacks import Callback, Row, TrainingProgress
+from t2tl_jax.runs.checkpoints import CheckpointError
 from t2tl_jax.runs.folder import RunFolder, read_json
 from t2tl_jax.runs.interrupts import Interrupted, Stoppable
 from t2tl_jax.runs.result import Result
@@ -215,12 +216,17 @@ def _failure(
     try:
         ended = do(run, scale, base / name, None if run.before is None else base / run.before, deadline, stop)
     except Exception as error:
-        failure, explained = type(error), isinstance(error, UserError)
-        ended = f"failed: {error}" if explained else f"failed: {type(error).__name__}: {error}"
-        if not explained:
+        ended, failure = f"failed: {type(error).__name__}: {error}", type(error)
+        if not _is_explained(error):
             say(traceback.format_exc())
     say(f"    {ended} after {time.monotonic() - began:.0f} s")
     return failure
+
+
+def _is_explained(error: Exception) -> bool:
+    """Whether the message was written for this case. Training makes one of any ``ValueError``, also of a mistake in the
+    program, whose place is only in the traceback."""
+    return isinstance(error, UserError) and isinstance(error.__cause__, CheckpointError | None)
 
 
 def do(run: Run, scale: Scale, folder: Path, before: Path | None, deadline: Deadline, stop: Stoppable) -> str:

@@ -57,8 +57,8 @@ def make_replay(size: int, batch_size: int, num_envs: int, context: ContextConfi
         return replace(given, steps=Slot(steps.reward[..., -1], seen, steps.valid.sum(-1, dtype=jnp.int32)))
 
     def init(blank: Transition) -> Any:
-        """Zeros: from JAX 0.11 on flashbax leaves memory as it was, and not every byte of it is a bool that a
-        checkpoint can hold."""
+        """Zeros: from JAX 0.11 on flashbax leaves memory as it was, and a checkpoint in which a byte of a bool is
+        neither 0 nor 1 cannot be read back."""
         return optax.tree.zeros_like(ring.init(stored(blank)))
 
     def sample(state: Any, key: jax.Array) -> Transition:

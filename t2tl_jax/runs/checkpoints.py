@@ -356,7 +356,5 @@ def _reason(error: Exception) -> str:
     """Its first line; of a long one the beginning and the end, where TensorStore mostly has the cause, or what it says
     of the disk if that stands between."""
     text = (str(error).strip() or type(error).__name__).splitlines()[0]
-    if len(text) <= 300:
-        return text
-    short = f"{text[:140]} ... {text[-150:]}"
-    return next((f"{said}: {short}" for said in OF_THE_DISK if said in text and said not in short), short)
+    short = text if len(text) <= 300 else f"{text[:140]} ... {text[-150:]}"
+    return next((f"{said}: {short}" for said in OF_THE_DISK if said in str(error) and said not in short), short)

@@ -179,4 +179,4 @@ def test_the_tree_is_told_as_it_was_at_the_beginning(tmp_path, trees, capsys):
 def test_a_modified_tree_is_told_before_anything_is_measured(tmp_path, trees, capsys):
     del trees[0]
     json_file.check(tmp_path / "a.json")
-    assert "differs from its commit, in results/a.json, b.py\n" in capsys.readouterr().err
+    assert "differs from its commit in results/a.json, b.py: " in capsys.readouterr().err

@@ -23,6 +23,7 @@ from experiments.reproduction.runs import AGENTS, MAPS, TIMED, again_name, all_r
 from experiments.reproduction.sections import unit_time
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
+from t2tl_jax.runs.checkpoints import CheckpointError
 from t2tl_jax.runs.interrupts import NeverStop
 from t2tl_jax.runs.success import window
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED, parse_seeds
@@ -90,10 +91,18 @@ def test_what_is_done_is_kept_what_fails_is_told_and_the_rest_goes_on(tmp_path):
     assert work.do_all(runs, list("abc"), scale, tmp_path, work.Deadline(-1.0), NeverStop(), said.append) == []
 
 
-@pytest.mark.parametrize(("kind", "traced"), [(UserError, False), (RuntimeError, True)])
-def test_what_a_message_explains_is_told_without_a_traceback(tmp_path, kind, traced):
+@pytest.mark.parametrize(
+    ("error", "cause", "traced"),
+    [
+        (UserError("no luck"), None, False),
+        (UserError("no luck"), CheckpointError("no luck"), False),
+        (UserError("no luck"), ValueError("shapes differ"), True),  # as training makes of a mistake in the program
+        (RuntimeError("no luck"), None, True),
+    ],
+)
+def test_what_a_message_explains_is_told_without_a_traceback(tmp_path, error, cause, traced):
     def measure(folder):
-        raise kind("no luck")
+        raise error from cause
 
     said, runs = [], {"a": Run(None, measure=measure, evaluated=False)}
     assert work.do_all(runs, ["a"], Scale("full", "1"), tmp_path, work.Deadline(1.0), NeverStop(), said.append) == ["a"]

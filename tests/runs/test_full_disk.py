@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
 import pytest
 
 from experiments import run
@@ -58,7 +59,7 @@ def run_on(resume, capsys, monkeypatch):
         script = SCRIPT.format(size=size, place=place, root=ROOT, python=sys.executable, flags=flags)
         ended = subprocess.run(
             ["unshare", "-rm", "bash", "-c", script],
-            env={**os.environ, "JAX_NUM_CPU_DEVICES": "1"},  # as here: another number may round otherwise
+            env={**os.environ, "JAX_NUM_CPU_DEVICES": str(jax.device_count())},  # another number may round otherwise
             capture_output=True,
             text=True,
             timeout=300,

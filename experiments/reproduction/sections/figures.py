@@ -95,8 +95,8 @@ settings of `waterworld_dqn` before its present ones, and on which maps those we
 5 %. How many updates and how much exploration the published curves had is not published, nor are the balls' radius and
 speed."""
 
-OTHER_BEGINNINGS = """**Other methods.** They were trained with the settings of `short-exploration` too, from which
-their usual runs differ as `t1tl` does."""
+OTHER_BEGINNINGS = """**Other methods.** Trained with the settings of `short-exploration` too: {}. Their usual runs
+differ from these as `t1tl` does."""
 
 OTHER_CURVES = {"t2tl": "T2TL_pre", "gnn": "GNN_pre", "dfa": "DFA", "dfa_cont": "DFA_cont"}
 """The published curve of each of them."""
@@ -166,15 +166,17 @@ def water_beginning(runs: Mapping[str, Stored]) -> str:
 
 def other_beginnings(runs: Mapping[str, Stored]) -> str:
     """The same of the other methods of which there are such runs, beside their usual ones."""
-    if not runs.keys() & set(named.SHORTLY.values()):
+    there = [_method(name) for name in runs if name in named.SHORTLY.values()]
+    if not there:
         return ""
+    runs = {name: run for name, run in runs.items() if _method(name) in there}
     marks = [mark for mark in published_water.EPISODES if mark <= 3000]
     published = {name: published_water.PHI_WATER[OTHER_CURVES[_method(name)]] for name in runs}
     means = {name: mean_return_at(run, marks) for name, run in runs.items()}
     pairs = [(short, usual) for usual, short in named.SHORTLY.items()]
     return _joined(
-        paragraph(OTHER_BEGINNINGS),
-        *(_beginning_of(method, runs, marks) for method in OTHER_CURVES),
+        paragraph(OTHER_BEGINNINGS.format(", ".join(there))),
+        *(_beginning_of(method, runs, marks) for method in there),
         differences(runs, pairs, means, MEAN_AT_EPISODES, ()),
         below.by_episode(runs, published, marks),
         short_windows(runs, published),
@@ -183,10 +185,10 @@ def other_beginnings(runs: Mapping[str, Stored]) -> str:
 
 
 def _beginning_of(method: str, runs: Mapping[str, Stored], marks: Sequence[int]) -> str:
-    """The curves of one method, usual and with short exploration, beside the published one; '' without such runs."""
+    """The curves of one method, usual and with short exploration, beside the published one."""
     labels = {name: name.removeprefix("water-") for name in runs if _method(name) == method}
     curve = OTHER_CURVES[method]
-    return curves_by_episode(runs, labels, marks, {curve: published_water.PHI_WATER[curve]}) if labels else ""
+    return curves_by_episode(runs, labels, marks, {curve: published_water.PHI_WATER[curve]})
 
 
 def _method(name: str) -> str:
