@@ -69,6 +69,15 @@ def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.fixture
+def as_many_devices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests that compare numbers with those of commands that they start, which get as many devices as this process.
+
+    Here the first test that computes settles how many there are, and a program for another number may round otherwise.
+    """
+    monkeypatch.setenv("JAX_NUM_CPU_DEVICES", str(jax.device_count()))
+
+
+@pytest.fixture
 def keeps_traces() -> Iterator[None]:
     """For tests of traced programs on disk: commands in this process keep them, until the test is over."""
     from t2tl_jax.runs import kept_traces

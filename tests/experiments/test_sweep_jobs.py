@@ -23,7 +23,7 @@ GRID = ("--grid", "learner.rate=1e-2,2e-2,3e-2")
 
 
 @pytest.fixture(autouse=True)
-def submitit():
+def submitit(as_many_devices):
     return pytest.importorskip("submitit", reason="needs the extra cluster: pip install -e '.[cluster]'")
 
 
