@@ -189,12 +189,11 @@ def _main(texts: Sequence[str]) -> int:
 
 def _say_if_modified() -> None:
     """Say before anything is trained what `--keep` says afterwards of a tree that differs from its commit."""
-    from experiments.reproduction.stored import unclean
     from t2tl_jax.runs import source_tree
 
-    made = source_tree.describe()
-    if made["git_modified"]:
-        print(f"note: --keep will refuse what is trained now, since {unclean(made)}", file=sys.stderr, flush=True)
+    if difference := source_tree.difference(source_tree.describe()):
+        said = f"note: the source tree {difference}: --keep will refuse what is trained now"
+        print(said, file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

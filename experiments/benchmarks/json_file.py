@@ -24,11 +24,9 @@ def check(file: Path | None) -> None:
     """
     if file is not None and not file.absolute().parent.is_dir():
         raise UserError(f"--json {file}: there is no folder {file.parent}; make it first")
-    tree = _tree()
-    if file is not None and tree["git_modified"]:
-        changed = tree["git_changed"]
-        named = ", ".join(changed[:3]) + (" and others" if len(changed) > 3 else "")
-        print(f"note: the source tree differs from its commit in {named}: results of it are not kept", file=sys.stderr)
+    difference = source_tree.difference(_tree())
+    if file is not None and difference:
+        print(f"note: the source tree {difference}: its results are not kept", file=sys.stderr)
 
 
 def where(command: Sequence[str]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from experiments.fairness import Sizes, sizes
 from experiments.reproduction.portable import portable
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation.statistics import Estimate, rate
-from t2tl_jax.runs import config_files, params_file, train
+from t2tl_jax.runs import config_files, params_file, source_tree, train
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
 from t2tl_jax.runs.metrics_file import area, as_curves, ending, read_columns, write_compressed
@@ -170,10 +170,8 @@ def unclean(session: Mapping[str, Any]) -> str:
         return "its commit is not known"
     if session.get("git_modified") is None:
         return "whether its tree differed from its commit is not known"
-    changed = ", ".join(session.get("git_changed", [])[:3]) or "some files"
-    return (
-        f"its tree differed from commit {session['git_revision'][:7]} in {changed}" if session["git_modified"] else ""
-    )
+    difference = source_tree.difference(session)
+    return f"its source tree {difference}" if difference else ""
 
 
 def load(root: Path) -> dict[str, Stored]:

@@ -1,11 +1,15 @@
 """What git says about the source tree of this package. Does not load JAX, so that it can be asked at once."""
 
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 MOST_CHANGES = 100
-"""So many changed files are named."""
+"""So many changed files are listed."""
+
+MOST_NAMED = 3
+"""So many of them are named in a message."""
 
 
 def describe() -> dict[str, Any]:
@@ -16,6 +20,17 @@ def describe() -> dict[str, Any]:
         "git_modified": None if changed is None else bool(changed),
         "git_changed": [line[2:].strip() for line in (changed or "").splitlines()[:MOST_CHANGES]],
     }
+
+
+def difference(made: Mapping[str, Any]) -> str:
+    """What `describe` says of a tree that differs from its commit, in words; '' for one that does not, as far as git
+    knows."""
+    if not made.get("git_modified"):
+        return ""
+    changed = made.get("git_changed", [])
+    named = ", ".join(changed[:MOST_NAMED]) or "some files"
+    others = " and others" if len(changed) > MOST_NAMED else ""
+    return f"differs from commit {(made.get('git_revision') or 'unknown')[:7]} in {named}{others}"
 
 
 def _git(*arguments: str) -> str | None:

@@ -163,7 +163,10 @@ def test_what_is_measured_so_far_lies_beside_the_file_until_all_is_there(tmp_pat
 @pytest.fixture
 def trees(monkeypatch):
     """Of the source tree, as it is told to be by turns."""
-    trees = [{"git_modified": False}, {"git_modified": True, "git_changed": ["results/a.json", "b.py"]}]
+    trees = [
+        {"git_modified": False},
+        {"git_modified": True, "git_revision": "abc", "git_changed": ["results/a.json"] * 4},
+    ]
     monkeypatch.setattr(json_file.source_tree, "describe", lambda: trees.pop(0))
     json_file._tree.cache_clear()
     yield trees
@@ -179,4 +182,5 @@ def test_the_tree_is_told_as_it_was_at_the_beginning(tmp_path, trees, capsys):
 def test_a_modified_tree_is_told_before_anything_is_measured(tmp_path, trees, capsys):
     del trees[0]
     json_file.check(tmp_path / "a.json")
-    assert "differs from its commit in results/a.json, b.py: " in capsys.readouterr().err
+    named = ", ".join(["results/a.json"] * 3)
+    assert f"differs from commit abc in {named} and others: its results are not kept" in capsys.readouterr().err

@@ -75,7 +75,7 @@ def test_results_of_a_modified_tree_are_not_kept(source, tmp_path, repository, v
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["versions.json"]
 
 
-@pytest.mark.parametrize(("changed", "said"), [([], ""), (["results/a.json"], "refuse what is trained now, since its")])
+@pytest.mark.parametrize(("changed", "said"), [([], ""), (["results/a.json"], "in results/a.json: --keep will refuse")])
 def test_that_nothing_will_be_kept_is_said_before_a_training(changed, said, tmp_path, monkeypatch, capsys):
     tree = {"git_revision": "abc", "git_modified": bool(changed), "git_changed": changed}
     monkeypatch.setattr(source_tree, "describe", lambda: tree)
