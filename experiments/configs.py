@@ -232,6 +232,11 @@ register_config(
     "rm_water_ql in the same published form, its learning rate included",
 )
 register_config(
+    "rm_water_ql_shaped_published",
+    replace(_RM_WATER, learner=replace(_RM_PUBLISHED_DQN, **_QL, shaping=True)),
+    "rm_water_ql_shaped in the same published form",
+)
+register_config(
     "rm_water_crm_shaped",
     replace(_RM_WATER, learner=replace(_RM_DQN, shaping=True)),
     "rm_water_crm, learning from rewards shaped by a potential of the machines' states; what is reported is not",

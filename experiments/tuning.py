@@ -46,6 +46,7 @@ TUNED = {
     # Their settings are the authors', of whose search the same is known.
     "rm_water_crm_published": Tuning("crm", tuple(range(1, 11))),
     "rm_water_ql_published": Tuning("ql", tuple(range(1, 11))),
+    "rm_water_ql_shaped_published": Tuning("ql", tuple(range(1, 11))),
     "rm_water_ql": Tuning("ql", (5, 6, 7, 8)),
     "rm_water_ql_shaped": Tuning("ql", (5, 6, 7, 8)),
 }

@@ -90,9 +90,9 @@ PAPER_ITEMS: dict[str, Item] = {
         "Reward per unit time",
         (
             *_names("zone-{}", named.ZONE_METHODS),
-            *_names("water-{}", named.WATER_METHODS),
+            *_names("water-{}", (*named.WATER_METHODS, "rm-6")),
             *_names("zone-{}-alone", named.ZONE_METHODS),
-            *_names("water-{}-alone", named.WATER_METHODS),
+            *_names("water-{}-alone", (*named.WATER_METHODS, "rm-6")),
             *_names("zone-pretraining-{}-alone", _READERS),
             *_names("water-pretraining-{}-alone", _READERS),
         ),
@@ -190,7 +190,7 @@ PAPER_ITEMS: dict[str, Item] = {
     ),
     "published-more": Item(
         "The published program on more seeds, and the sign of its critic at first",
-        (*published_more.MORE, *published_runs.VALUES),
+        (*published_more.MORE, *published_runs.VALUES, published_runs.KEPT),
         published_more.more_seeds,
         smoke=published_more.MORE[1:],
         beside=published_more.BEFORE,
@@ -205,6 +205,7 @@ PAPER_ITEMS: dict[str, Item] = {
         (
             *(f"rm-{one}{kind}" for one in ("", "single-") for kind in ("crm", "ql", "crm_shaped", "ql_shaped")),
             "rm-ql-published",
+            "rm-ql_shaped-published",
             "rm-single-crm-slow",
             "rm-single-crm-published",
         ),

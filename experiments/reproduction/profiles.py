@@ -41,6 +41,7 @@ LIKE = {
     "rm_water_crm_published": "rm_water_crm",
     "rm_water_ql_published": "rm_water_ql",
     "rm_water_ql_shaped": "rm_water_ql",
+    "rm_water_ql_shaped_published": "rm_water_ql",
     "rm_water_parallel": "rm_water_crm",
     "pretrain_zone_published": "pretrain_zone",
     "pretrain_water": "pretrain_zone",

@@ -30,6 +30,8 @@ VALUE_BIAS = 0.5
 """By how much: of 36 critics 26 were nearer to 0 than this at first."""
 VALUES = {"zone-published-t1tl-value-below": -VALUE_BIAS, "zone-published-t1tl-value-above": VALUE_BIAS}
 """What is added to the value of each of these runs."""
+KEPT = "zone-published-t1tl-value-kept"
+"""The same seeds with the critic as it is."""
 
 
 def published_runs() -> dict[str, Run]:
@@ -77,9 +79,9 @@ def _more() -> dict[str, Run]:
 
 
 def _critics() -> dict[str, Run]:
-    """T1TL without pre-training with its critic set below and above 0 at first."""
-    config, new = _t1tl(), {}
-    for name, bias in VALUES.items():
+    """T1TL without pre-training with its critic set below and above 0 at first, and as it is."""
+    config, new = _t1tl(), dict[str, Run]()
+    for name, bias in (VALUES | {KEPT: 0.0}).items():
         network = replace(config.learner.network, value_bias=bias)
         moved = replace(config, learner=changed_learner(config.learner, network=network))
         new[name] = Run(moved, seeds=VALUE_SEEDS, first_seed=VALUE_SEED)

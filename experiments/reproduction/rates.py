@@ -8,25 +8,26 @@ from collections.abc import Mapping
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
 
 SHARED = "same"
-"""The learning rate that all methods of a world share."""
+"""The usual learning rate, which all methods of a world share; in the benchmark those with shaping and without do."""
 
 RATES = {"low": 1 / 3, SHARED: 1.0, "high": 3.0}
-"""By the ending of a run's name, its learning rate as a multiple of the shared one."""
+"""By the ending of a run's name, its learning rate as a multiple of the usual one."""
 
-WORDS = {"low": "a third of it", SHARED: "the shared one", "high": "three times it"}
+WORDS = {"low": "a third of it", SHARED: "the usual one", "high": "three times it"}
 """The same for a page."""
 
 SEEDS = ",".join(str(FIRST_TUNING_SEED + k) for k in range(4))
 """Of the search; in WaterWorld they are its maps."""
 
-WORLDS = ("zone", "water")
-"""Where the search is made, each with one task."""
+WORLDS = ("zone", "water", "safe", "rm")
+"""Where the search is made, as the names of runs begin: `phi_zone`, `phi_water`, `phi_safe` and the ten tasks of the
+reward-machine benchmark."""
 
 OWN_RATE: Mapping[str, Mapping[str, str]] = {
     "zone": {"gnn": "high", "dfa": "high", "dfa_cont": "high"},
     "water": {"dfa_cont": "low"},
 }
-"""By world whose search is stored in full, the methods for which another rate than the shared one is best, and which of
+"""By world whose search is stored in full, the methods for which another rate than the usual one is best, and which of
 `RATES` that is: ``{"zone": {"gnn": "high"}, "water": {}}``. `tests/experiments/test_rates.py` compares it with what is
 stored."""
 

@@ -21,15 +21,22 @@ from t2tl_jax.runs.config import Config, SelectionConfig
 ZONE_FRAMES = 10_000_000
 """The paper's budget on `phi_zone`."""
 
-ZONE_SEARCH_FRAMES = 3_000_000
-"""In ZoneEnv a search has fewer, those of `zone_ppo`; in WaterWorld it has all."""
+ZONE_SEARCH_FRAMES, RM_SEARCH_FRAMES = 3_000_000, 400_000
+"""Of a search on `phi_zone`, as many as `zone_ppo` has, and of one in the reward-machine benchmark, where each step is
+an update. The others have all."""
 
 ZONE_METHODS = ("t2tl", "t1tl", "gnn", "dfa", "dfa_number", "dfa_cont")
 """Under PPO rm is dfa: there is no other state to learn from."""
 
 WATER_METHODS = ("t2tl", "t1tl", "gnn", "rm", "dfa", "dfa_cont")
-SEARCH_METHODS = {"zone": ZONE_METHODS, "water": (*WATER_METHODS, "rm-6")}
-"""By world, the methods that are compared with the paper's curves, as their runs are named."""
+BENCHMARK_METHODS = ("crm", "ql", "crm_shaped", "ql_shaped")
+SEARCH_METHODS = {
+    "zone": ZONE_METHODS,
+    "water": (*WATER_METHODS, "rm-6"),
+    "safe": ZONE_METHODS,
+    "rm": BENCHMARK_METHODS,
+}
+"""By what the names of their runs begin with, the methods that a section compares."""
 
 STEP_METHODS = ("t1tl", "gnn", "rm")
 WIDTHS = (8, 16, 32)
@@ -92,8 +99,8 @@ def all_runs() -> Mapping[str, Run]:
         one.NAME: Run(None, evaluated=False, measure=one.measure) for one in (representations, chance)
     }
     for parts, first_seed in (
-        ((_zone, _zone_variants, _zone_search), ZONE_SEED),
-        ((_water, _water_variants, _steps, _benchmark, _water_search), 0),
+        ((_zone, _zone_variants), ZONE_SEED),
+        ((_water, _water_variants, _steps, _benchmark, _searches), 0),
     ):
         for part in parts:
             for name, run in part(runs).items():
@@ -220,6 +227,7 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
         new[f"water-t1tl-{width}"] = Run(config, before)
     for width in (6, 32):  # 16 is the default
         new[f"water-rm-{width}"] = Run(with_encoder(one_hot, size=width))
+    new["water-rm-6-alone"] = _timed(with_encoder(one_hot, size=6), None)
     return new
 
 
@@ -246,14 +254,15 @@ def step_name(cell: step_tables.Cell, same_maps: bool, method: str) -> str:
 def _benchmark(runs: dict[str, Run]) -> dict[str, Run]:
     """The reward-machine benchmark: ten tasks and the single one, plain and shaped."""
     new = {}
-    for kind in ("crm", "ql", "crm_shaped", "ql_shaped"):
+    for kind in BENCHMARK_METHODS:
         config = named_config(f"rm_water_{kind}")
         new[f"rm-{kind}"] = Run(config, seeds=MAPS)
         new[f"rm-single-{kind}"] = Run(_single_task(config), seeds=MAPS)
     single = _single_task(named_config("rm_water_crm"))
     slow = changed_learner(single.learner, learning_rate=PUBLISHED_RATE, anneal_learning_rate=False)
     new["rm-single-crm-slow"] = Run(replace(single, learner=slow), seeds=MAPS)
-    new["rm-ql-published"] = Run(named_config("rm_water_ql_published"), seeds=MAPS)
+    for kind in ("ql", "ql_shaped"):
+        new[f"rm-{kind}-published"] = Run(named_config(f"rm_water_{kind}_published"), seeds=MAPS)
     new["rm-single-crm-published"] = Run(_single_task(named_config("rm_water_crm_published")), seeds=MAPS)
     return new
 
@@ -263,20 +272,24 @@ def _single_task(config: Config) -> Config:
     return with_encoder(replace(config, task="rm_t10_published"), size=3)
 
 
-def _zone_search(runs: dict[str, Run]) -> dict[str, Run]:
-    return _search("zone", _zone_base(ZONE_SEARCH_FRAMES))
+def _searches(runs: dict[str, Run]) -> dict[str, Run]:
+    of_methods = {
+        "zone": _zone_base(ZONE_SEARCH_FRAMES),
+        "water": named_config("waterworld_dqn"),
+        "safe": named_config("zone_ppo_safe"),
+    }
+    new: dict[str, Run] = {}
+    for world, base in of_methods.items():
+        new |= _search(world, {method: apply(base, method.replace("-", "_")) for method in SEARCH_METHODS[world]})
+    benchmark = {kind: named_config(f"rm_water_{kind}") for kind in SEARCH_METHODS["rm"]}
+    return new | _search("rm", {kind: replace(config, frames=RM_SEARCH_FRAMES) for kind, config in benchmark.items()})
 
 
-def _water_search(runs: dict[str, Run]) -> dict[str, Run]:
-    return _search("water", named_config("waterworld_dqn"))
-
-
-def _search(world: str, base: Config) -> dict[str, Run]:
+def _search(world: str, methods: Mapping[str, Config]) -> dict[str, Run]:
     """Every method at three learning rates, on seeds for tuning; those that share an encoder share its pre-training on
     these seeds. Nobody plays what they come to, so parameters are not compared on the way."""
     new: dict[str, Run] = {}
-    for method in SEARCH_METHODS[world]:
-        config = apply(base, method.replace("-", "_"))
+    for method, config in methods.items():
         before = pretraining_run(new, f"search-{world}", config)
         config = replace(config, selection=SelectionConfig(points=0))
         for which in rates.RATES:

@@ -8,7 +8,7 @@ import pytest
 from experiments.reproduction import stored
 from experiments.reproduction.items import ITEMS
 from experiments.reproduction.page import page
-from experiments.reproduction.published_runs import VALUE_BIAS, VALUES
+from experiments.reproduction.published_runs import KEPT, VALUE_BIAS, VALUES
 from experiments.reproduction.runs import all_runs
 from experiments.reproduction.sections import critic_moved, critic_sign, figures, published_more
 from experiments.reproduction.stored import Stored
@@ -147,6 +147,35 @@ def test_who_solves_it_alone_decides_whether_the_sign_matters(begun, below, abov
     assert f"| {low} | 36-47 | 12/12 | {below}/12 |" in text and f"| {high} | 36-47 | 0/12 | {above}/12 |" in text
 
 
+@pytest.mark.parametrize(
+    ("solved", "lower", "higher"),
+    [
+        (
+            6,
+            "6 solve the task only with it and 0 only without (no difference is shown; p 0.062)",
+            "0 solve the task only",
+        ),
+        (
+            0,
+            "12 solve the task only with it and 0 only without (more do; p 0.00098)",
+            "0 solve the task only with it and 0",
+        ),
+        (12, "0 solve the task only with it and 0", "with it and 12 only without (fewer do; p 0.00098)"),
+    ],
+)
+def test_each_changed_start_is_compared_with_the_program_as_it_is(begun, solved, lower, higher):
+    """All 12 seeds solve it with the lower start and none with the higher one."""
+    kept = [True] * solved + [False] * (12 - solved)
+    done = dict(zip((*VALUES, KEPT), ([True] * 12, [False] * 12, kept), strict=True))
+    runs = {name: begun(name, [0.0] * 12, [4] * 12, which) for name, which in done.items()}
+    two = " ".join(critic_moved.moved({name: runs[name] for name in VALUES}, 0.6).split())
+    text = " ".join(critic_moved.moved(runs, 0.6).split())
+    assert "were not trained without such a change" in two and "were not trained without" not in text
+    low, high = VALUES
+    assert f"| {KEPT} | 36-47 | 0/12 | {solved}/12 |" in text and KEPT not in two
+    assert f"{low}: {lower}" in text and higher in text[text.index(f"{high}: ") :]
+
+
 def test_nothing_is_said_of_one_sign_alone(begun):
     (low, bias), _ = VALUES.items()
     assert critic_moved.moved({low: begun(low, [bias] * 12, [4] * 12, [True] * 12)}, 0.6) == ""
@@ -155,9 +184,9 @@ def test_nothing_is_said_of_one_sign_alone(begun):
 def test_critics_begin_where_they_are_set():
     """The two runs differ in the bias alone, and from the run of before in that and the seeds."""
     runs = all_runs()
-    for name, bias in VALUES.items():
+    for name, bias in (VALUES | {KEPT: 0.0}).items():
         network = runs[name].config.learner.network
-        assert network.value_bias == bias and abs(bias) == VALUE_BIAS
+        assert network.value_bias == bias and abs(bias) in (0.0, VALUE_BIAS)
         learner = runs[name].config.learner
         same = dataclasses.replace(learner, network=dataclasses.replace(network, value_bias=0.0))
         assert dataclasses.replace(runs[name].config, learner=same) == runs[FIRST].config
@@ -165,7 +194,7 @@ def test_critics_begin_where_they_are_set():
 
 def test_the_page_shows_it_before_the_runs_are_there_and_does_not_have_others_done():
     item = ITEMS["published-more"]
-    assert item.names("full") == (*published_more.MORE, *VALUES)
+    assert item.names("full") == (*published_more.MORE, *VALUES, KEPT)
     assert set(item.names("smoke")) < set(published_more.MORE)
     assert f"Not measured yet: {', '.join(item.names('full'))}." in " ".join(page({"x": item}, {}, smoke=False).split())
     kept = stored.load(stored.REPOSITORY / "results" / "paper")

@@ -98,7 +98,7 @@ def test_the_benchmark_judges_counterfactual_learning_by_map(make):
     assert list(scores) == [1, 2, 3, 4] and scores[1] == pytest.approx([0.8] * len(published_water.STEPS))
     text = benchmark.benchmark(runs)
     assert outcome(text, "rm-crm > rm-ql") == "reproduced"
-    assert "ql-rs, published" in text and "Corrected for 5 comparisons, 1 of which" in text
+    assert "ql-rs, published" in text and "Corrected for 6 comparisons, 1 of which" in text
     some = {seed: np.full(len(published_water.STEPS), 0.3 + off) for seed, off in enumerate((-0.05, 0.05, -0.05, 0.05))}
     within, outside = benchmark.behind({"rm-ql": some, "rm-other": some}).splitlines()
     assert within == f"{below.WITHIN}: rm-ql after 400,000 steps."  # 0.3 [0.21, 0.39] beside 0.33

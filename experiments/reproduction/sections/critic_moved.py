@@ -1,4 +1,4 @@
-"""The published program with its critic set below and above 0 at first: whether that makes a difference."""
+"""The published program with its critic set below and above 0 at first, and as it is: whether that matters."""
 
 from collections.abc import Mapping
 
@@ -6,19 +6,23 @@ from scipy import stats
 
 from experiments.reproduction.cells import median_frames
 from experiments.reproduction.page import paragraph, table
-from experiments.reproduction.published_runs import VALUE_BIAS, VALUES
+from experiments.reproduction.published_runs import KEPT, VALUE_BIAS, VALUES
 from experiments.reproduction.sections.critic_sign import Begun, begun
 from experiments.reproduction.stored import Stored
 from experiments.tuning import in_words
 from t2tl_jax.evaluation import statistics
+from t2tl_jax.evaluation.comparisons import holm
 from t2tl_jax.evaluation.statistics import CONFIDENCE
 
 TRIED = f"""What the critic's start does was tried on other seeds, the next numbers, chosen before any of their outcomes
 was known. Each was trained twice: once with {VALUE_BIAS:g} taken from the critic's value at first and once with as much
 added, by the bias of its last layer (`network.value_bias`). The two configurations differ in nothing else, and a seed
 draws the same for both; but a program by PPO on a GPU differs a little from run to run
-([performance](performance.md#loops-as-cuda-graphs)). These seeds were not trained without such a change, so that what
-is shown is a difference between the two, and not which of them departs from the program."""
+([performance](performance.md#loops-as-cuda-graphs))."""
+
+WITHOUT_KEPT = """These seeds were not trained without such a change, so that what is shown is a difference between the
+two, and not which of them departs from the program."""
+WITH_KEPT = f"`{KEPT}` is the program without such a change on the same seeds, trained after the two were known."
 
 
 def moved(runs: Mapping[str, Stored], published: float) -> str:
@@ -36,11 +40,18 @@ def moved(runs: Mapping[str, Stored], published: float) -> str:
         return ""
     pairs = [(below[seed], above[seed]) for seed in both]
     rows = [_row(name, of) for name, of in zip(VALUES, zip(*pairs, strict=True), strict=True)]
+    kept = {seed.seed: seed for seed in begun(runs[KEPT])} if KEPT in runs else {}
+    if kept.keys() >= set(both):
+        rows.insert(1, _row(KEPT, tuple(kept[seed] for seed in both)))
+        known, departs = WITH_KEPT, _departs(dict(zip(VALUES, (below, above), strict=True)), kept)
+    else:
+        known, departs = WITHOUT_KEPT, ""
     heading = (
         *("run", "seeds", "begin below 0", "solved", "return at the end"),
         "frames until the noise is at its limit, median",
     )
-    return "\n\n".join((paragraph(TRIED), table(heading, rows), paragraph(_said(pairs, published))))
+    parts = (f"{TRIED} {known}", table(heading, rows), _said(pairs, published), departs)
+    return "\n\n".join(part if part.startswith("|") else paragraph(part) for part in parts if part)
 
 
 def _row(name: str, seeds: tuple[Begun, ...]) -> tuple[str, ...]:
@@ -54,9 +65,30 @@ def _row(name: str, seeds: tuple[Begun, ...]) -> tuple[str, ...]:
     )
 
 
-def _said(pairs: list[tuple[Begun, Begun]], published: float) -> str:
+def _mcnemar(pairs: list[tuple[Begun, Begun]]) -> tuple[int, int, float]:
+    """How many seeds solve the task with the first start alone, how many with the second, and the exact test's p."""
     low, high = (sum(a.solved and not b.solved for a, b in some) for some in (pairs, [(b, a) for a, b in pairs]))
-    p = float(stats.binomtest(low, low + high).pvalue) if low + high else 1.0
+    return low, high, float(stats.binomtest(low, low + high).pvalue) if low + high else 1.0
+
+
+def _departs(moved: Mapping[str, Mapping[int, Begun]], kept: Mapping[int, Begun]) -> str:
+    """Each changed start against the program as it is, corrected for both comparisons by Holm."""
+    pairs = {name: [(of[seed], kept[seed]) for seed in sorted(of.keys() & kept.keys())] for name, of in moved.items()}
+    found = {name: _mcnemar(some) for name, some in pairs.items()}
+    corrected = holm([p for _, _, p in found.values()])
+    said = []
+    for (name, (more, fewer, _)), p in zip(found.items(), corrected, strict=True):
+        gap = statistics.mean([a.end - b.end for a, b in pairs[name]])
+        shown = "no difference is shown" if p >= 1 - CONFIDENCE else "more do" if more > fewer else "fewer do"
+        said.append(
+            f"{name}: {more} solve the task only with it and {fewer} only without ({shown}; p {p:.2g}), and the return "
+            f"at the end differs by {gap.text()}"
+        )
+    return f"Beside the program as it is, by the same test corrected for two: {'; '.join(said)}."
+
+
+def _said(pairs: list[tuple[Begun, Begun]], published: float) -> str:
+    low, high, p = _mcnemar(pairs)
     gap = statistics.mean([a.end - b.end for a, b in pairs])
     if p < 1 - CONFIDENCE and low > high:
         shown = (

@@ -10,7 +10,7 @@ from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import below
 from experiments.reproduction.cells import COST, cost
 from experiments.reproduction.page import paragraph, table
-from experiments.reproduction.published_runs import VALUES
+from experiments.reproduction.published_runs import KEPT, VALUES
 from experiments.reproduction.sections.critic_moved import moved
 from experiments.reproduction.sections.critic_sign import begun, by_sign, split
 from experiments.reproduction.stored import Stored
@@ -48,8 +48,8 @@ def more_seeds(runs: Mapping[str, Stored]) -> str:
     setting it, and what remains."""
     if not runs:
         return ""
-    with_bias = {name: runs[name] for name in VALUES if name in runs}
-    runs = {name: run for name, run in runs.items() if name not in VALUES}
+    with_bias = {name: runs[name] for name in (*VALUES, KEPT) if name in runs}
+    runs = {name: run for name, run in runs.items() if name not in with_bias}
     new = {name: runs[name] for name in MORE if name in runs}
     published = {name: PUBLISHED[name] for name in new}
     labels = {name: name for name in new}

@@ -10,6 +10,7 @@ from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
 from experiments.reproduction.sections.settings import what_differs
 from experiments.reproduction.stored import Stored
+from t2tl_jax.evaluation.comparisons import Pairs
 
 FIRST = "safe-t1tl"
 """What the others are compared with."""
@@ -46,18 +47,21 @@ def safe(runs: Mapping[str, Stored]) -> str:
         "return, final",
         *COST,
     )
-    successes, violated = ({name: run.by_seed(what) for name, run in runs.items()} for what in _RATES)
     parts = (
         table(heading, rows),
         what_differs(runs, LABELS, "safe"),
-        differences(runs, PAIRS, successes, "success of the final parameters"),
-        differences(runs, PAIRS, violated, "violations of the final parameters"),
+        safe_order(runs, PAIRS),
         NOTE if rows else "",
     )
     return "\n\n".join(part for part in parts if part)
 
 
-_RATES = ("success_rate", "violation_rate")
+def safe_order(runs: Mapping[str, Stored], pairs: Pairs, claims: Pairs = ()) -> str:
+    """Differences between runs by the success and the violations of their final parameters."""
+    rates = {"success": "success_rate", "violations": "violation_rate"}
+    values = {what: {name: run.by_seed(rate) for name, run in runs.items()} for what, rate in rates.items()}
+    parts = [differences(runs, pairs, of, f"{what} of the final parameters") for what, of in values.items()]
+    return "\n\n".join(part for part in parts if part)
 
 
 def violations(run: Stored) -> dict[int, float]:

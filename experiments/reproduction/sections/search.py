@@ -1,4 +1,4 @@
-"""One and the same search for every method of the two main comparisons, and what their order is with its results."""
+"""One and the same search for every method that is compared, and what the orders are with its results."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,7 @@ from experiments.reproduction.cells import cost_line, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import paragraph, table
 from experiments.reproduction.runs import SEARCH_METHODS as WORLDS
-from experiments.reproduction.sections import figures
+from experiments.reproduction.sections import benchmark, figures, safe
 from experiments.reproduction.stored import LAST, Stored
 from experiments.reproduction.tables import methods
 from experiments.sweeps.search import worth
@@ -20,22 +20,43 @@ from t2tl_jax.evaluation.comparisons import Pairs
 CRITERION = "discounted_return"
 """What a search maximises at the end of training."""
 
-TITLES = {"zone": "ZoneEnv, `phi_zone`", "water": "WaterWorld, `phi_water`"}
-CLAIMS = {"zone": figures.ZONE_CLAIMS, "water": figures.WATER_CLAIMS}
-ORDERS = {"zone": figures.zone_order, "water": figures.water_order}
+TITLES = {
+    "zone": "ZoneEnv, `phi_zone`",
+    "water": "WaterWorld, `phi_water`",
+    "safe": "ZoneEnv, `phi_safe`",
+    "rm": "The reward-machine benchmark, ten tasks",
+}
+CLAIMS: dict[str, Pairs] = {
+    "zone": figures.ZONE_CLAIMS,
+    "water": figures.WATER_CLAIMS,
+    "safe": safe.PAIRS,
+    "rm": benchmark.TEN_CLAIMS,
+}
+ORDERS = {
+    "zone": figures.zone_order,
+    "water": figures.water_order,
+    "safe": safe.safe_order,
+    "rm": benchmark.ten_order,
+}
+NOT_CLAIMED = ("safe",)
+"""Where pairs are compared of which the paper claims nothing."""
 
-NOTES = f"""The search is the same for every method: the learning rate at a third of the one that all methods of a world
-share, at that one, and at three times it, and nothing else. Budget and schedule are those of the main runs, but in
-ZoneEnv for 3 million frames instead of 10, over which exploration and learning rate fade; encoders are pre-trained as
-for the main runs, on the seeds of the search. The best rate has the highest mean over seeds of the discounted return
-over the last {100 * LAST:g} % of training, which is what `experiments.sweep --search` maximises (a seed in which no
-episode ended there counts -1); the shared rate is kept where no other mean is above its. That is a plain maximum of few
-seeds, so that another rate may be taken by chance: what it is worth is measured on the seeds that are reported. A
-better rate may lie between or beyond the three, what is best after 3 million frames need not be best after 10, and no
-other setting was searched for by method."""
+NOTES = f"""The search is the same for every method: the learning rate at a third of the usual one, which all methods of
+a world share (in the reward-machine benchmark crm and ql have one each, shaped or not), at that one, and at three times
+it, and nothing else. Budget and schedule are those of the main runs, but for `phi_zone` 3 million frames instead of 10
+and in the benchmark 400,000 instead of 2 million, over which exploration and learning rate fade; encoders are pre-
+trained as for the main runs, on the seeds of the search. The best rate has the highest mean over seeds of the
+discounted return over the last {100 * LAST:g} % of training, which is what `experiments.sweep --search` maximises (a
+seed in which no episode ended there counts -1); the usual rate is kept where no other mean is above its. That is a
+plain maximum of few seeds, so that another rate may be taken by chance: what it is worth is measured on the seeds that
+are reported. A better rate may lie between or beyond the three, what is best after fewer frames need not be best after
+all, and no other setting was searched for by method."""
 
-STAYS = "The shared rate is best for every method, so that nothing is trained again."
+STAYS = "The usual rate is best for every method, so that nothing is trained again."
 
+
+WHAT_AGAIN = ("The orderings that the paper claims", "The comparisons of its section")
+"""By whether nothing is claimed."""
 
 ON_FRESH_SEEDS = """A difference whose interval holds 0 does not say that the rate which was taken on four seeds is
 better on the reported ones, nor that it is worse."""
@@ -61,13 +82,13 @@ def planned() -> tuple[str, ...]:
 
 def search(runs: Mapping[str, Stored]) -> str:
     """By world every method at every rate, the best one marked; then the runs at their own rates beside those at the
-    shared one, and the claims once more."""
+    usual one, and the claims once more."""
     parts = [part for world in WORLDS for part in (_tried(runs, world), _again(runs, world)) if part]
     return "\n\n".join([*parts, paragraph(NOTES)]) if parts else ""
 
 
 def best(runs: Mapping[str, Stored], world: str, method: str) -> str | None:
-    """The best of the rates for a method, the shared one if none is above it; None until all of them are there."""
+    """The best of the rates for a method, the usual one if none is above it; None until all of them are there."""
     tried = {which: runs.get(rates.search_name(world, method, which)) for which in rates.RATES}
     known = {which: worth(np.array(list(_ends(run).values()))) for which, run in tried.items() if run is not None}
     if len(known) < len(tried):
@@ -124,7 +145,7 @@ def _column(there: Mapping[str, Stored], which: str) -> str:
 
 
 def _again(runs: Mapping[str, Stored], world: str) -> str:
-    """Methods with a rate of their own beside the shared one, on the seeds that are reported, and the claims with each
+    """Methods with a rate of their own beside the usual one, on the seeds that are reported, and the claims with each
     method at the rate that the search took; '' until the search is there."""
     own = rates.OWN_RATE.get(world)
     if own is None:
@@ -139,13 +160,13 @@ def _again(runs: Mapping[str, Stored], world: str) -> str:
     claims = [(rates.at_its_best(better), rates.at_its_best(worse)) for better, worse in CLAIMS[world]]
     order = ORDERS[world]
     parts = (
-        f"{TITLES[world]}: the rate that the search took beside the shared one, with the budget and on the seeds of "
+        f"{TITLES[world]}: the rate that the search took beside the usual one, with the budget and on the seeds of "
         "the main runs.",
         methods({name: runs[name] for name in shown}, {name: name for name in shown}),
         order(runs, pairs),
         _by_criterion(runs, pairs) if world == "water" else "",
         paragraph(ON_FRESH_SEEDS),
-        "The orderings that the paper claims, each method at the rate that the search took:",
-        order(runs, claims, claims),
+        f"{WHAT_AGAIN[world in NOT_CLAIMED]}, each method at the rate that the search took:",
+        order(runs, claims, () if world in NOT_CLAIMED else claims),
     )
     return "\n\n".join(part for part in parts if part)

@@ -33,20 +33,28 @@ def searched(world: str) -> str:
     if world not in rates.WORLDS:
         return paragraph(f"{SEARCHED} {ELSEWHERE.format(SEARCH_ANCHOR)}")
     if world not in rates.OWN_RATE:
-        return paragraph(f"{SEARCHED} {NOT_WHOLE.format(SEARCH_ANCHOR)}")
+        return paragraph(f"{SEARCHED} {again_searched(world)}")
+    return paragraph(f"""
+        Settings were chosen with the methods of the column "chosen with" alone, and the others take them over.
+        {again_searched(world)} Other settings were not searched for again: an ordering in which one of the others is
+        behind may still come from them.""")
+
+
+def again_searched(world: str) -> str:
+    """What the same search for every method found in a world of `rates.WORLDS`."""
+    if world not in rates.OWN_RATE:
+        return NOT_WHOLE.format(SEARCH_ANCHOR)
     own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
     found = (
-        f"it took another one than the shared for {', '.join(own)}. All runs of this table have the shared one. The "
-        "section linked repeats the orders of the six methods with each method at the rate that was taken"
+        f"it took another one than the usual for {', '.join(own)}. All runs of this table have the usual one. The "
+        "section linked repeats the orders with each method at the rate that was taken"
         if own
-        else "the shared one is best for every method"
+        else "the usual one is best for every method"
     )
-    return paragraph(f"""
-        Settings were chosen with the methods of the column "chosen with" alone, and the others take them over. The
-        learning rate was then searched for in one and the same way for every method, on seeds
-        {tuning.in_words(parse_seeds(rates.SEEDS))} (`--only search`, [below](#{SEARCH_ANCHOR})): {found}. Other
-        settings were not searched for again: an ordering in which one of the others is behind may still come from
-        them.""")
+    return (
+        "The learning rate was then searched for in one and the same way for every method, on seeds "
+        f"{tuning.in_words(parse_seeds(rates.SEEDS))} (`--only search`, [there](#{SEARCH_ANCHOR})): {found}."
+    )
 
 
 SEARCH_TITLE = "The same search for every method: the learning rate"
