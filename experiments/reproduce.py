@@ -20,7 +20,7 @@ from t2tl_jax.quiet import quiet_imports
 STARTED = time.monotonic()
 
 ROOT = Path(__file__).parents[1]
-SHARED = ("only", "scale", "seeds", "minutes", "folder")
+SHARED = ("only", "scale", "seeds", "folder")
 """Arguments that workers are given as they are."""
 RESULTS = ROOT / "results" / "paper"
 """Where finished runs of full scale are kept, in the repository."""
@@ -133,12 +133,18 @@ def _main(texts: Sequence[str]) -> int:
         progress = work.Progress(runs, names, scale, base)
         options = [text for name in SHARED for text in (f"--{name}", str(getattr(arguments, name)))]
         with StopRequest("stopping all workers after their iteration") as stop:
-            failed = launch.launch_workers(arguments.workers, options, base / "workers", progress, stop)
+            failed = launch.launch_workers(
+                arguments.workers, options, arguments.minutes, base / "workers", progress, stop
+            )
     else:
         compilation_cache.use(RunConfig().compilation_cache)
         cpu_devices.use()
         with StopRequest() as stop:
-            failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes), stop)
+            try:
+                failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes), stop)
+            except work.LostDeviceError as error:
+                print(f"{error}, so that this process ends; give the same command again to continue", file=sys.stderr)
+                return work.LOST
     if arguments.keep:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):

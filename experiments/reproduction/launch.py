@@ -17,6 +17,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from experiments.reproduction.locks import gpu_uuids
+from experiments.reproduction.work import LOST
 from t2tl_jax.runs.interrupts import Stoppable
 
 APART = 1.0
@@ -24,6 +25,10 @@ APART = 1.0
 
 POLL = 1.0
 """Seconds between two looks at the workers."""
+
+AGAIN = 2
+"""So many times a worker is started once more that ended by a signal or lost its device. Under MPS an error of one
+client can end the others of its GPU."""
 
 PATIENCE = 120.0
 """Seconds that workers have to write their checkpoints when the user asks to stop."""
@@ -83,17 +88,20 @@ def multi_process_service(wanted: bool, gpus: Sequence[str]) -> Iterator[dict[st
 
 
 def launch(
-    command: Sequence[str],
+    command: Callable[[], Sequence[str]],
     environments: Mapping[str, Mapping[str, str]],
     logs: Path,
     progress: Callable[[], str],
     stopped: Callable[[], bool],
     say: Callable[[str], None] = print,
 ) -> list[str]:
-    """Run a command once for every worker until all have ended; returns the names of those that failed.
+    """Run a command for every worker until all have ended; returns the names of those that failed.
+
+    One that is killed or has lost its device (exit code `LOST`) is started again, up to `AGAIN` times, unless the user
+    wants to stop or the time is up.
 
     Args:
-        command: program and arguments.
+        command: returns program and arguments for a start now; nothing once the time is up.
         environments: what each worker's environment adds, by name.
         logs: folder for what each worker prints, in a file of its name.
         progress: what the workers have come to, in a line; said whenever it changes.
@@ -105,20 +113,28 @@ def launch(
     told = 0.0
     say(said := progress())
     working: dict[str, subprocess.Popen[bytes]] = {}
+    again = dict.fromkeys(environments, AGAIN)
     with ExitStack() as files:
         files.callback(_signal_all, working, signal.SIGINT)  # if this process fails, they end as well
-        for name, extra in environments.items():
+
+        def start(name: str) -> bool:
+            if not (words := list(command())):
+                return False
+            with (logs / f"{name}.log").open("ab") as log:
+                working[name] = subprocess.Popen(
+                    words,
+                    env={**os.environ, **environments[name]},
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=log,
+                    start_new_session=True,  # a Ctrl-C at the terminal reaches them once, through us
+                )
+            return True
+
+        for name in environments:
             if working:
                 time.sleep(APART)
-            log = files.enter_context((logs / f"{name}.log").open("ab"))
-            working[name] = subprocess.Popen(
-                list(command),
-                env={**os.environ, **extra},
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                start_new_session=True,  # a Ctrl-C at the terminal reaches them once, through us
-            )
+            start(name)
         while working:
             time.sleep(POLL)
             for name, process in list(working.items()):
@@ -126,8 +142,13 @@ def launch(
                     continue
                 del working[name]
                 if process.returncode:
-                    failed.append(name)
                     say(f"{name} ended with exit code {process.returncode}: see {logs / name}.log")
+                    unlucky = process.returncode in (LOST, *range(-signal.NSIG, 0))
+                    if unlucky and again[name] and not (told or stopped()) and start(name):
+                        again[name] -= 1
+                        say(f"{name} is started again")
+                    else:
+                        failed.append(name)
             if (now := progress()) != said:
                 say(said := now)
             if stopped() and not told:
@@ -139,20 +160,26 @@ def launch(
 
 
 def launch_workers(
-    workers: int, arguments: Sequence[str], logs: Path, progress: Callable[[], str], stop: Stoppable
+    workers: int, arguments: Sequence[str], minutes: float, logs: Path, progress: Callable[[], str], stop: Stoppable
 ) -> list[str]:
     """Do a reproduction by so many processes for every GPU; returns the names of those that failed.
 
     Args:
         workers: how many for each GPU, or in all where there is none.
-        arguments: those of ``experiments.reproduce`` for each of them.
+        arguments: those of ``experiments.reproduce`` for each of them, but for ``--minutes``.
+        minutes: how long they may train.
         logs: folder for what they print.
         progress: as for `launch`.
         stop: whether the user wants to stop.
     """
     uuids = gpu_uuids()
     gpus = {name: uuids.get(name, name) for name in visible_gpus()}
-    command = [sys.executable, "-m", "experiments.reproduce", *arguments]
+    end = time.monotonic() + 60 * minutes
+
+    def command() -> list[str]:
+        left = (end - time.monotonic()) / 60
+        return [sys.executable, "-m", "experiments.reproduce", *arguments, "--minutes", f"{left}"] if left > 0 else []
+
     with multi_process_service(workers > 1 and bool(gpus), list(gpus.values())) as clients:
         environments = {name: {**own, **clients} for name, own in worker_environments(workers, gpus).items()}
         print(f"{len(environments)} processes on {len(gpus) or 'no'} GPUs; what they print: {logs}")

@@ -12,6 +12,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import jax
+import numpy as np
 
 from experiments import attention
 from experiments.reproduction.anytask import tested
@@ -35,6 +36,9 @@ SHORT = jax.errors.JaxRuntimeError
 """What a run fails with that finds too little memory on its devices. XLA says so in many words, such as that no
 algorithm is left to choose, so they are not read."""
 
+LOST = 75
+"""Exit code of a process whose device is lost. What others or a later process do of the same runs may well succeed."""
+
 CROWDED = ".crowded"
 """Ending of the file that says of a run that it failed beside others, and is to be done alone."""
 
@@ -43,6 +47,10 @@ WAIT = 2.0
 
 READING = "attention.json"
 """What reading the agents of a run leaves in its folder."""
+
+
+class LostDeviceError(Exception):
+    """No call of this process to its device succeeds any more, whatever it is: the process has to end."""
 
 
 class Deadline(Callback):
@@ -163,6 +171,9 @@ def do_all(
         deadline: when to stop.
         stop: whether to, on the user's wish.
         say: told what is begun and what it took.
+
+    Raises:
+        LostDeviceError: after a run that failed and took the device with it; the others are left to other processes.
     """
     base.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
@@ -197,6 +208,8 @@ def do_all(
                         say("    once more after the others, with no other run on its devices")
                         (base / f"{name}{CROWDED}").touch()
                         open_runs.append(name)
+                        if not devices_answer():
+                            raise LostDeviceError(f"the device is lost since {name} failed")
                     elif failure is not None:
                         failed.append(name)
             break
@@ -205,6 +218,16 @@ def do_all(
                 break
             time.sleep(WAIT)
     return failed + [name for name in open_runs if crowded(name) and not is_known_done(name)]
+
+
+def devices_answer() -> bool:
+    """Whether the devices of this process still do anything. After some errors, such as a launch that failed, none of
+    its calls to a GPU succeeds."""
+    try:
+        jax.block_until_ready([jax.device_put(np.zeros(()), device) + 1 for device in jax.local_devices()])
+    except SHORT:
+        return False
+    return True
 
 
 def _failure(

@@ -20,10 +20,17 @@ GRAPHS = {
 }
 """Options of XLA, by name."""
 
+MPS = "CUDA_MPS_PIPE_DIRECTORY"
+"""By this variable a process is a client of NVIDIA's multi-process service. Four trainings that were clients of one GPU
+failed together with these options, see docs/performance.md; with JAX's own settings such processes ran for hours."""
+
 
 def compiler_options() -> dict[str, Any]:
-    """For `jax.jit`: `GRAPHS` on an NVIDIA GPU, without those that ``XLA_FLAGS`` names, and nothing elsewhere."""
+    """For `jax.jit`: `GRAPHS` on an NVIDIA GPU, without those that ``XLA_FLAGS`` names; nothing elsewhere, nor under
+    NVIDIA's multi-process service."""
     if jax.default_backend() != "gpu" or "cuda" not in backend.get_backend().platform_version.lower():
+        return {}
+    if MPS in os.environ:
         return {}
     flags = os.environ.get("XLA_FLAGS", "")
     return {name: value for name, value in GRAPHS.items() if f"--{name}=" not in flags and knows(name, value)}

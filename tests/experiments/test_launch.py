@@ -24,7 +24,7 @@ def soon(monkeypatch):
 
 def run(command, tmp_path, environments=NOTHING, progress=lambda: "", stopped=lambda: False):
     said = []
-    failed = launch.launch(command, environments, tmp_path / "logs", progress, stopped, said.append)
+    failed = launch.launch(lambda: command, environments, tmp_path / "logs", progress, stopped, said.append)
     return failed, said
 
 
@@ -58,6 +58,36 @@ def test_each_worker_runs_once_and_one_that_fails_is_told(tmp_path):
     assert (tmp_path / "a").is_file() and (tmp_path / "b").is_file()
     assert failed == ["b"] and any("b ended with exit code 3" in line for line in said)
     assert (tmp_path / "logs" / "a.log").read_text() == "hello\n"
+
+
+@pytest.mark.parametrize(("ending", "tries"), [("sys.exit(75)", 3), ("os.abort()", 3), ("sys.exit(1)", 1)])
+def test_a_worker_that_is_killed_or_lost_its_device_is_started_again(tmp_path, ending, tries):
+    """Not one that says that something of its own failed; and the other one runs once."""
+    log = tmp_path / "starts"
+    text = f"with open({str(log)!r}, 'a') as file: file.write(os.environ['NAME'])\n"
+    failed, said = run(python(f"{text}if os.environ['NAME'] == 'b': {ending}"), tmp_path)
+    assert failed == ["b"] and sorted(log.read_text()) == sorted("a" + "b" * tries)
+    assert sum("started again" in line for line in said) == tries - 1
+
+
+def test_a_worker_that_lost_its_device_goes_on_where_it_left_off(tmp_path):
+    text = f"first = Path({str(tmp_path)!r}, os.environ['NAME']); known = first.exists(); first.touch()\n"
+    failed, said = run(python(f"{text}sys.exit(75 * (not known))"), tmp_path)
+    assert not failed and sum("started again" in line for line in said) == 2
+
+
+def test_nothing_is_started_again_once_the_time_is_up_or_the_user_wants_to_stop(tmp_path, monkeypatch):
+    words = [python("sys.exit(75)"), python("sys.exit(75)"), [], []]
+    failed = launch.launch(lambda: words.pop(0), NOTHING, tmp_path / "logs", lambda: "", lambda: False, print)
+    assert failed and not words
+    failed, said = run(python("sys.exit(75)"), tmp_path, stopped=lambda: True)
+    assert sorted(failed) == ["a", "b"] and not any("is started again" in line for line in said)
+    commands = []
+    monkeypatch.setattr(launch, "launch", lambda command, *_: commands.append(command) or [])
+    for minutes in (1.0, -1.0):
+        launch.launch_workers(1, ["--only", "x"], minutes, tmp_path, lambda: "", StopRequest())
+    first, second = (command() for command in commands)
+    assert second == [] and first[3:6] == ["--only", "x", "--minutes"] and 0.9 < float(first[6]) < 1.0
 
 
 def test_progress_is_said_when_it_changes(tmp_path):
@@ -133,7 +163,7 @@ def test_the_service_and_its_workers_name_the_same_gpu(control, tmp_path, monkey
     monkeypatch.setattr(launch, "gpu_uuids", lambda: {"0": "GPU-a", "1": "GPU-b"})
     given = {}
     monkeypatch.setattr(launch, "launch", lambda command, environments, *rest: given.update(environments) or [])
-    launch.launch_workers(2, [], tmp_path, lambda: "", StopRequest())
+    launch.launch_workers(2, [], 1.0, tmp_path, lambda: "", StopRequest())
     assert control.read_text().splitlines()[0].endswith(" GPU-b")
     assert {own["CUDA_VISIBLE_DEVICES"] for own in given.values()} == {"GPU-b"} and len(given) == 2
 

@@ -209,6 +209,15 @@ def test_what_is_kept_is_finished_and_nothing_is_trained(tmp_path, monkeypatch, 
     assert reproduce.main([*asked, "--workers", "2"]) == 2 and "leave out --workers" in capsys.readouterr().err
 
 
+def test_a_lost_device_has_an_exit_code_of_its_own(tmp_path, monkeypatch, capsys):
+    def lost(*_):
+        raise work.LostDeviceError("the device is lost since a failed")
+
+    monkeypatch.setattr(work, "do_all", lost)
+    assert reproduce.main(["--only", "representations", "--folder", str(tmp_path)]) == work.LOST
+    assert "lost since a failed, so that this process ends; give the same command" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_the_command_lists_items_and_refuses_what_it_does_not_know(capsys):
     assert reproduce.main(["--list", "--only", "fig-zone,tables-steps"]) == 0

@@ -92,6 +92,25 @@ def test_a_run_that_may_lack_memory_is_done_once_more_at_the_end_and_then_alone(
     assert tries["d"] == 1 and claims[-1] == ("d", True)
 
 
+def test_a_process_whose_device_is_lost_leaves_the_other_runs_to_others(tmp_path, monkeypatch):
+    """The run that failed is marked, since it may have done it; those after it are not touched."""
+    assert work.devices_answer()
+
+    def measure(folder):
+        raise jax.errors.JaxRuntimeError("INTERNAL: CUDA error: CUDA_ERROR_LAUNCH_FAILED: unspecified launch failure")
+
+    def dead(*_):
+        raise jax.errors.JaxRuntimeError("INTERNAL: CUDA error: Error recording CUDA event")
+
+    monkeypatch.setattr(work.jax, "device_put", dead)
+    assert not work.devices_answer()
+    done, said = [], []
+    runs = {"a": Run(None, measure=measure, evaluated=False), "b": Run(None, measure=fake("b", done), evaluated=False)}
+    with pytest.raises(work.LostDeviceError, match="lost since a failed"):
+        work.do_all(runs, ["a", "b"], Scale("full", "1"), tmp_path, work.Deadline(1.0), NeverStop(), said.append)
+    assert not done and [path.name for path in tmp_path.glob(f"*{work.CROWDED}")] == [f"a{work.CROWDED}"]
+
+
 def test_a_run_that_may_lack_memory_has_failed_where_there_is_no_time_to_do_it_alone(tmp_path):
     def measure(folder):
         deadline.at = 0.0

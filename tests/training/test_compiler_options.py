@@ -11,6 +11,7 @@ from t2tl_jax.training import compiler_options as options
 @pytest.fixture
 def on(monkeypatch):
     """Has JAX say that it computes on a kind of device."""
+    monkeypatch.delenv("CUDA_MPS_PIPE_DIRECTORY", raising=False)
 
     def on(platform: str, version: str) -> None:
         monkeypatch.setattr(jax, "default_backend", lambda: platform)
@@ -27,9 +28,15 @@ def test_they_are_for_nvidia_gpus(on):
     assert options.compiler_options() == options.GRAPHS
 
 
+def test_clients_of_the_multi_process_service_go_without(on, monkeypatch):
+    on("gpu", "cuda 12090")
+    monkeypatch.setenv("CUDA_MPS_PIPE_DIRECTORY", "/somewhere")
+    assert options.compiler_options() == {}
+
+
 def test_flags_of_the_user_go_before(on, monkeypatch):
     on("gpu", "cuda 12090")
-    monkeypatch.setenv("XLA_FLAGS", "--xla_gpu_command_buffer_scheduling_mode=SERIALIZE --xla_dump_to=x")
+    monkeypatch.setenv("XLA_FLAGS", "--xla_gpu_command_buffer_scheduling_mode=SERIALIZE --xla_gpu_autotune_level=4")
     assert set(options.compiler_options()) == set(options.GRAPHS) - {"xla_gpu_command_buffer_scheduling_mode"}
 
 
