@@ -19,6 +19,7 @@ from experiments.reproduction.measures import frames_to
 from experiments.reproduction.page import made_by, origin, paragraph, table
 from experiments.reproduction.sections.benchmark import benchmark
 from experiments.reproduction.sections.published_form import published_form
+from experiments.reproduction.sections.published_ql import published_ql
 from experiments.reproduction.sections.thousand import thousand
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import curves_by_frames, methods
@@ -295,6 +296,11 @@ MEASUREMENTS = (
         "crm's single task in the published form, once more",
         ("python -m experiments.reproduce --only rm-single-crm-published",),
         published_form,
+    ),
+    Measurement(
+        "ql in the published form, as far as it went",
+        ("python -m experiments.reproduce --only rm-ql-published,rm-ql_shaped-published",),
+        published_ql,
     ),
     Measurement(
         "`phi_safe` with the settings of `phi_zone`",

@@ -13,7 +13,12 @@ TRIAL = "trial_graphs.json"
 USUAL = "JAX"
 """The form that JAX's own settings give."""
 
-AFTER = ("benchmark_h200_graphs.json", "benchmark_h200_graphs_closed.json", "benchmark_h200_two_graphs.json")
+AFTER = (
+    "benchmark_h200_graphs.json",
+    "benchmark_h200_graphs_closed.json",
+    "benchmark_h200_two_graphs.json",
+    "benchmark_h200_dqn.json",
+)
 """The first benchmarks with graphs."""
 
 

@@ -26,6 +26,7 @@ reward-machine benchmark."""
 OWN_RATE: Mapping[str, Mapping[str, str]] = {
     "zone": {"gnn": "high", "dfa": "high", "dfa_cont": "high"},
     "water": {"dfa_cont": "low"},
+    "rm": {"crm": "high", "ql": "high", "ql_shaped": "high"},
 }
 """By world whose search is stored in full, the methods for which another rate than the usual one is best, and which of
 `RATES` that is: ``{"zone": {"gnn": "high"}, "water": {}}``. `tests/experiments/test_rates.py` compares it with what is

@@ -253,7 +253,8 @@ def everything(results: Path) -> str:
         ):
             if of_part := [row for row in rows if row.part == name]:
                 parts.append(shown(of_part))
-        parts.append(origin([where]))
+        note = read_json(file).get("note", "")
+        parts.append(paragraph(f"{note} {origin([where])}"))
     return "\n\n".join(parts) or "Not measured yet from a commit of this history."
 
 

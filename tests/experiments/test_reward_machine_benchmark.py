@@ -5,7 +5,7 @@ import pytest
 
 from experiments.paper import published_water
 from experiments.reproduction import below, beside
-from experiments.reproduction.sections import benchmark
+from experiments.reproduction.sections import benchmark, published_ql
 from experiments.reproduction.stored import Stored
 from tests.made_up_runs import NEAR, outcome, rows
 
@@ -137,3 +137,23 @@ def test_marks_that_follow_one_another_are_told_as_a_range():
     values = np.tile([0.0, 0.0, 0.0, 9.0, 0.0, 0.0], (4, 1)) + np.array([[0.1], [-0.1], [0.2], [-0.2]])
     found = below.marks(values, [1, 2, 3, 4, 5, 6000], [1.0] * 6)
     assert found == {below.WITHIN: [], below.OUTSIDE: ["1 to 3", "5", "6,000"]}
+
+
+def test_ql_in_the_published_form_is_shown_as_far_as_it_went(request):
+    """Up to the last published step that both reached; means by hand from the curves."""
+    results = request.config.rootpath / "results"
+    text = published_ql.published_ql(results)
+    said = " ".join(text.split())
+    assert "after 1,888,000 and 1,886,000 of 2,000,000 steps. Nothing was evaluated." in said
+    heading, shown = rows(text)["ten tasks: normalised score"], rows(text)["rm-ql-published"]
+    assert heading[-1] == "1,800 k" and len(shown) == len(heading) == len(published_water.STEPS) - 1
+    runs = {name: Stored(results / "water_h200" / folder) for name, folder in published_ql.CUT.items()}
+    paper = {name: Stored(results / "paper" / name) for name in benchmark.TEN}
+    curves = np.array(list(benchmark.scores(paper | runs)["rm-ql-published"].values()))
+    assert np.isnan(curves[:, -1]).all() and shown[-1].startswith(f"{curves[:, -2].mean():.2f} [")
+    gaps = curves.mean(axis=0)[:-1] - published_water.SCORES["ql"][0][:-1]
+    assert f"rm-ql-published from {gaps.min():+.3f} to {gaps.max():+.3f}" in said
+    assert "rm-ql-published - rm-ql" in rows(text) and "rm-ql_shaped-published - rm-ql_shaped" in rows(text)
+    assert {run.config.learner.learning_rate for run in runs.values()} == {1e-5}
+    assert not any(run.config.learner.anneal_learning_rate for run in runs.values())
+    assert [run.config.learner.shaping for run in runs.values()] == [False, True]

@@ -158,7 +158,7 @@ def _again(runs: Mapping[str, Stored], world: str) -> str:
     if not any(first in runs for first, _ in pairs):
         return ""
     claims = [(rates.at_its_best(better), rates.at_its_best(worse)) for better, worse in CLAIMS[world]]
-    order = ORDERS[world]
+    runs, order = {name: run for name, run in runs.items() if name.startswith(f"{world}-")}, ORDERS[world]
     parts = (
         f"{TITLES[world]}: the rate that the search took beside the usual one, with the budget and on the seeds of "
         "the main runs.",

@@ -47,7 +47,7 @@ def again_searched(world: str) -> str:
     own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
     found = (
         f"it took another one than the usual for {', '.join(own)}. All runs of this table have the usual one. The "
-        "section linked repeats the orders with each method at the rate that was taken"
+        "section linked has those at another rate that are trained, and the orders with each method at the rate taken"
         if own
         else "the usual one is best for every method"
     )
