@@ -252,7 +252,7 @@ def test_every_section_works_with_any_single_run(make):
     score = {f"{what}_{k + 1}": 0.5 for k in range(10) for what in ("episodes", "score", "best_score")}
     star = {"start": {"3: and": 2}, "end": {"4: Black": 2}}
     made = {}
-    for name, item in ITEMS.items():
+    for item in ITEMS.values():
         own = [one for one in item.runs if one not in (representations.NAME, chance.NAME)]
         for one in own:
             if one not in made:
