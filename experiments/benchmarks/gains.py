@@ -29,7 +29,7 @@ class Arguments:
     """Time forms of the same work beside each other, and count their arithmetic."""
 
     steps: tuple[str, ...] = ()
-    """Which of them, such as guard or next_state; by default all but those for GPUs (guard_12 to graphs_dqn)."""
+    """Which of them, such as guard or next_state; by default all but those for GPUs, from shared_tokens_12 on."""
     repeats: int = 5
     """Timed calls of each form; the median of the ratios of neighbouring calls is reported, from six calls on with its
     interval."""
@@ -192,6 +192,22 @@ def next_state() -> tuple[Form, Form]:
     return gradient(True), gradient(False)
 
 
+def shared_tokens(seeds: int) -> tuple[Form, Form]:
+    """An iteration of double DQN with context that makes the tokens of the windows at s' anew, and one that takes most
+    of them from the windows at s."""
+    from experiments.benchmarks.trainings import training
+    from t2tl_jax.agents import td_learning
+    from t2tl_jax.networks.windows import without_newest, without_oldest
+
+    def anew(config: Any, network: Any, params: Any, steps: Any) -> tuple[Any, Any]:
+        return without_newest(steps), without_oldest(steps)
+
+    config = replace(training("waterworld_dqn:t2tl"), seeds=str(seeds))
+    with patch.object(td_learning, "read_once", anew):
+        before = _iteration(config)
+    return before, _iteration(config)
+
+
 def guard(text: str, seeds: int) -> tuple[Form, Form]:
     """An iteration that freezes seeds whose numbers are not finite, and one that does not: what that costs.
 
@@ -251,11 +267,13 @@ STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "segments": segments,
     "next_values": next_values,
     "next_state": next_state,
+    "shared_tokens": partial(shared_tokens, 1),
     "guard": partial(guard, "zone_ppo:t1tl:closed_form", 1),
 }
 """Both forms of each step, the slow one first."""
 
 FOR_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
+    "shared_tokens_12": partial(shared_tokens, 12),
     "guard_12": partial(guard, "zone_ppo:t1tl:closed_form", 12),
     "guard_mjx": partial(guard, "zone_ppo_long:t1tl", 12),
     "guard_t2tl": partial(guard, "zone_ppo_long:t2tl", 12),

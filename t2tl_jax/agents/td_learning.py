@@ -11,8 +11,8 @@ from flax import struct
 
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.networks.q_network import QNetwork
-from t2tl_jax.networks.windows import without_newest, without_oldest
+from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.networks.windows import Carry, Tokens, newest, without_newest, without_oldest
 from t2tl_jax.task_env import Shared
 from t2tl_jax.training.types import Params
 
@@ -104,6 +104,26 @@ def code_change(table: TaskTable, embedding: jax.Array, target_embedding: jax.Ar
     return {"code_change": change, "code_change_relative": change / jnp.maximum(rms(target_embedding), 1e-8)}
 
 
+def read_once(
+    config: QNetworkConfig, network: QNetwork, params: Params, steps: Any
+) -> tuple[Carry | Tokens, Carry | Tokens]:
+    """The windows at s and at s' for the online network; no gradient flows through what is made of those at s'.
+
+    All steps of the one at s' but the newest are in the one at s too, so that their tokens are made once. States that
+    read the task are others for every task, and are read where they are needed.
+
+    steps: windows [B, K + 1] whose last slot holds the step from s to s', or `()` without context.
+    """
+    before, after = without_newest(steps), without_oldest(steps)
+    if config.context is None or config.state.reads_task:
+        return before, after
+    make: Callable[..., Any] = partial(network.apply, method="tokens")
+    made = make(params, before)
+    fixed, last = jax.lax.stop_gradient((made, make(params, newest(steps))))
+    tokens = jnp.concatenate([fixed.tokens[:, 1:], last.tokens], axis=1)
+    return made, Tokens(tokens, jnp.concatenate([fixed.valid[:, 1:], last.valid], axis=1), fixed.empty)
+
+
 def dqn_loss(
     config: DQNConfig,
     network: QNetwork,
@@ -123,7 +143,8 @@ def dqn_loss(
     plain DQN. Where every row learns, its values at s' are computed once and looked up by the rows that lead to it.
     """
     apply: Callable[..., Any] = network.apply  # Flax declares more results than this call can have
-    before, after = without_newest(batch.steps), without_oldest(batch.steps)  # the windows at s and at s'
+    before, after = read_once(config.network, network, params, batch.steps)
+    target_after = without_oldest(batch.steps)
     here = there = embedding
     target_there = target_embedding
     if rows is None and not config.counterfactual:
@@ -137,15 +158,16 @@ def dqn_loss(
     # A pass of its own over s', through which no gradient flows: together with s it would be differentiated too.
     fixed = jax.lax.stop_gradient((params, there))
     online = apply(fixed[0], batch.next_obs, fixed[1], after, method="every_row")
-    target = apply(target_params, batch.next_obs, target_there, after, method="every_row")
+    target = apply(target_params, batch.next_obs, target_there, target_after, method="every_row")
     if rows is None:
         goal = td_targets(config, table, online, target, batch.shared, batch.cut, phi)
         learns = compared = jnp.broadcast_to(table.is_open, goal.shape)
     else:
         chooser = online if config.double else target
         if config.printed_argmax:
-            which = (params, here) if config.double else (target_params, _codes(target_embedding, rows))
-            chooser = apply(jax.lax.stop_gradient(which[0]), batch.next_obs, which[1], after, method="every_row")
+            theirs = target_params, _codes(target_embedding, rows), target_after
+            chosen, codes, window = (params, here, after) if config.double else theirs
+            chooser = apply(jax.lax.stop_gradient(chosen), batch.next_obs, codes, window, method="every_row")
         goal = td_target(config, table, rows, next_row, reward, chooser, target, batch.shared, batch.cut, phi)
         learns, compared = jnp.ones_like(goal, bool), table.is_open[next_row]
 

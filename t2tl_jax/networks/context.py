@@ -23,6 +23,7 @@ from t2tl_jax.networks.windows import (
     Carried,
     Carry,
     Segment,
+    Tokens,
     Window,
     append,
     empty_where,
@@ -61,8 +62,16 @@ class ContextEncoder(nn.Module):
 
         The code of an empty window is 0 (the paper's "set the context variable to zero") unless it is not masked.
         """
+        return self.of_tokens(self.tokens(window, embedding))
+
+    def tokens(self, window: Window, embedding: jax.Array) -> Tokens:
+        """Those of a window, from its [..., K] slots and the embedding [..., K, E] of what was seen in them."""
         slots = token_parts(window.action, window.reward, embedding, self.num_actions)
-        return self.read(self.token(slots), self.empty(slots), window.valid)
+        return Tokens(self.token(slots), window.valid, self.empty(slots))
+
+    def of_tokens(self, made: Tokens) -> jax.Array:
+        """Tokens of [..., K] slots -> [..., output], as for the window that they are of."""
+        return self.read(made.tokens, made.empty, made.valid)
 
     def segment(self, segment: Segment, before: jax.Array, during: jax.Array, after: bool = False) -> jax.Array:
         """The codes of the windows of a segment's S steps, or of those after each step: [..., S, output].
@@ -156,17 +165,25 @@ class RecurrentNetwork(nn.Module):
             return carry
         return empty_where(carry, ended)
 
-    def context(self, carry: Carry | Segment, embedding: jax.Array | None = None, after: bool = False) -> jax.Array:
+    def tokens(self, window: Window) -> Tokens:
+        """Those of a window, to be read later by `context`."""
+        seen = self.see(window.seen) if self.config.context.recompute else window.seen
+        return self.context_encoder.tokens(window, seen)
+
+    def context(
+        self, carry: Carry | Tokens | Segment, embedding: jax.Array | None = None, after: bool = False
+    ) -> jax.Array:
         """The context variable of every window, [..., output], or of every step of segments, [..., S, output].
 
         Segments whose embeddings are made anew need the `embedding` [..., S, E] of the steps' observations. With
         `after`, the windows are those that a step leads to, before any new episode.
         """
+        if isinstance(carry, Tokens):
+            return self.context_encoder.of_tokens(carry)
         carry = _remembered(carry)
-        window = carry.start if isinstance(carry, Segment) else carry
-        seen = self.see(window.seen) if self.config.context.recompute else window.seen
         if isinstance(carry, Window):
-            return self.context_encoder(carry, seen)
+            return self.context_encoder.of_tokens(self.tokens(carry))
+        seen = self.see(carry.start.seen) if self.config.context.recompute else carry.start.seen
         return self.context_encoder.segment(carry, seen, embedding if carry.seen is None else carry.seen, after)
 
     def context_for(self, carry: Carry | Segment, obs: jax.Array, task: jax.Array, after: bool = False) -> jax.Array:

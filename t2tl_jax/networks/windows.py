@@ -28,6 +28,15 @@ class Window:
 
 
 @struct.dataclass
+class Tokens:
+    """A window whose tokens are made already: once for windows that hold the same steps."""
+
+    tokens: jax.Array  # float32[..., K, width]
+    valid: jax.Array  # bool[..., K], False for an empty slot
+    empty: jax.Array  # float32[width], the token of an empty slot
+
+
+@struct.dataclass
 class Carried:
     """What a GRU made of all steps of the episode so far; zeros before the first one."""
 
@@ -80,6 +89,11 @@ def without_oldest(carry: Carry) -> Carry:
 def without_newest(carry: Carry) -> Carry:
     """The carry less its last slot."""
     return _slots(carry, slice(None, -1))
+
+
+def newest(carry: Carry) -> Carry:
+    """The carry's last slot alone."""
+    return _slots(carry, slice(-1, None))
 
 
 def _slots(carry: Carry, chosen: slice) -> Carry:

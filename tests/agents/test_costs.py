@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import pytest
 
 from experiments.benchmarks.arithmetic import gradient_of_ppo
+from t2tl_jax.agents import td_learning
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.ppo import make_ppo
@@ -18,6 +19,7 @@ from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.actor_critic import NetworkConfig
 from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
+from t2tl_jax.networks.windows import Window, without_newest, without_oldest
 from t2tl_jax.task_env import Shared, TaskEnv
 from tests.agents import sizes
 from tests.operations import in_loops, operations
@@ -58,6 +60,34 @@ def test_arithmetic_of_a_gradient_step_of_dqn():
 
     step = flops(jax.grad(loss, argnums=(0, 1)), params, codes, params, codes, batch)
     assert step < 5.1 * flops(forward, params, codes, obs)
+
+
+@pytest.mark.slow
+def test_tokens_of_windows_that_share_steps_are_made_once(monkeypatch):
+    """Those at s and at s' differ in one step of eight: of three times eight tokens forward, seven are spared."""
+    network = QNetwork(QNetworkConfig(head="bilinear", task_layer=512, context=ContextConfig()), 4)
+    obs, codes, length = jnp.zeros((SAMPLES, 52)), jnp.zeros((TABLE.num_rows, 32)), ContextConfig.length + 1
+    numbers, flags = jnp.zeros(SAMPLES, int), jnp.zeros(SAMPLES, bool)
+    steps = Window(
+        *(jnp.zeros((SAMPLES, length, *size), of) for size, of in (((), int), ((), float), ((52,), float), ((), bool)))
+    )
+    batch = Transition(obs, numbers, obs, numbers, Shared(numbers, obs[:, 0], flags), flags, steps)
+    params = jax.eval_shape(
+        lambda: network.init(jax.random.key(0), TABLE, obs, without_oldest(steps), method="initialise")
+    )
+
+    def loss(params, codes, target_params, batch):
+        return dqn_loss(DQNConfig(network=network.config), network, TABLE, params, codes, target_params, codes, batch)[
+            0
+        ]
+
+    def tokens(params, window):
+        return network.apply(params, window, method="tokens")
+
+    once = flops(jax.grad(loss), params, codes, params, batch)
+    monkeypatch.setattr(td_learning, "read_once", lambda *given: (without_newest(given[-1]), without_oldest(given[-1])))
+    anew = flops(jax.grad(loss), params, codes, params, batch)
+    assert anew - once == pytest.approx(7 / 8 * flops(tokens, params, without_oldest(steps)), rel=0.02)
 
 
 class Marked:

@@ -2,12 +2,14 @@
 
 import dataclasses
 from functools import partial
+from unittest.mock import Mock
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from t2tl_jax.agents import td_learning
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.replay import make_replay
@@ -16,6 +18,7 @@ from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
+from t2tl_jax.networks.windows import without_newest, without_oldest
 from t2tl_jax.task_env import TaskEnv
 from tests.agents.sizes import GRU, TRANSFORMER
 from tests.parameters import begun_quickly
@@ -105,6 +108,33 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
     every_row, own = losses(params, embedding, target_params, embedding, stored)
     assert every_row == pytest.approx(huber[:, np.asarray(table.is_open)].mean(), rel=1e-4)
     assert own == pytest.approx(huber[np.arange(100), stored.row].mean(), rel=1e-4)
+
+
+@pytest.mark.parametrize("printed_argmax", [False, True])
+@pytest.mark.parametrize("counterfactual", [True, False])
+def test_tokens_that_are_made_once_give_the_same_loss_and_gradient(
+    learner, monkeypatch, counterfactual, printed_argmax
+):
+    env, _, state, iterate = learner
+    state, _ = iterate(state)
+    config = dataclasses.replace(DQN, network=NETWORK, counterfactual=counterfactual, printed_argmax=printed_argmax)
+    table, network = env.table, QNetwork(NETWORK, 3)
+    batch = jax.jit(make_replay(DQN.buffer_size, 100, DQN.num_envs, CONTEXT).sample)(state.buffer, jax.random.key(1))
+    embedding = jax.jit(partial(network.apply, method="embed"))(state.params, table)
+    target_params = jax.tree.map(lambda x: 0.9 * x, state.params)
+
+    def both():
+        def loss(params):
+            return dqn_loss(config, network, table, params, embedding, target_params, embedding, batch)[0]
+
+        return jax.jit(jax.value_and_grad(loss))(state.params)
+
+    once = both()
+    with monkeypatch.context() as patched:
+        anew = Mock(side_effect=lambda *given: (without_newest(given[-1]), without_oldest(given[-1])))
+        patched.setattr(td_learning, "read_once", anew)
+        jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-7), once, both())
+    assert anew.called
 
 
 @pytest.mark.parametrize("other", [{}, {"context": dataclasses.replace(CONTEXT, reader=GRU), "head": "concat"}])
