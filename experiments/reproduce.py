@@ -62,7 +62,8 @@ class Arguments:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit code: 0 done or out of time, 1 if a run failed, 2 for unusable input."""
+    """Run the command and return its exit code: 0 done or out of time, 1 if a run failed, 2 for unusable input,
+    75 if the device was lost."""
     return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
 
 
@@ -121,7 +122,7 @@ def _main(texts: Sequence[str]) -> int:
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
     anew = not any(base.glob("*/status.json"))
-    failed: list[str] = []
+    failed, lost = list[str](), False
     if not arguments.keep and arguments.scale == "full":
         _say_if_modified()
     if arguments.keep:
@@ -144,7 +145,7 @@ def _main(texts: Sequence[str]) -> int:
                 failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes), stop)
             except work.LostDeviceError as error:
                 print(f"{error}, so that this process ends; give the same command again to continue", file=sys.stderr)
-                return work.LOST
+                failed, lost = error.failed, True
     if arguments.keep:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):
@@ -190,7 +191,7 @@ def _main(texts: Sequence[str]) -> int:
         write_json(base / "time.json", content | {"items": len(items), "runs": len(finished)})
     if failed:
         print(f"failed: {', '.join(failed)}")
-    return 1 if failed else 0
+    return work.LOST if lost else 1 if failed else 0
 
 
 def _say_if_modified() -> None:

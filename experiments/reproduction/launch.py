@@ -19,6 +19,7 @@ from pathlib import Path
 from experiments.reproduction.locks import gpu_uuids
 from experiments.reproduction.work import LOST
 from t2tl_jax.runs.interrupts import Stoppable
+from t2tl_jax.training.compiler_options import MPS
 
 APART = 1.0
 """Seconds between the starts of two workers, so that they take their first runs in this order."""
@@ -27,8 +28,11 @@ POLL = 1.0
 """Seconds between two looks at the workers."""
 
 AGAIN = 2
-"""So many times a worker is started once more that ended by a signal or lost its device. Under MPS an error of one
-client can end the others of its GPU."""
+"""So many times a worker is started once more that crashed or lost its device. Under MPS an error of one client can end
+the others of its GPU."""
+
+GPU = "CUDA_VISIBLE_DEVICES"
+"""The variable that names a worker's GPU."""
 
 PATIENCE = 120.0
 """Seconds that workers have to write their checkpoints when the user asks to stop."""
@@ -37,9 +41,9 @@ PATIENCE = 120.0
 def visible_gpus(environment: Mapping[str, str] = os.environ) -> list[str]:
     """The GPUs that this process may use, as ``CUDA_VISIBLE_DEVICES`` names them; none without an NVIDIA driver."""
     present = list(gpu_uuids())
-    if "CUDA_VISIBLE_DEVICES" not in environment:
+    if GPU not in environment:
         return present
-    return [name.strip() for name in environment["CUDA_VISIBLE_DEVICES"].split(",") if name.strip()] if present else []
+    return [name.strip() for name in environment[GPU].split(",") if name.strip()] if present else []
 
 
 def worker_environments(workers: int, gpus: Mapping[str, str]) -> dict[str, dict[str, str]]:
@@ -57,11 +61,7 @@ def worker_environments(workers: int, gpus: Mapping[str, str]) -> dict[str, dict
         "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS") or "cuda,cpu",  # a worker without its GPU fails at once
     }
     # The first workers of all GPUs come before the second ones, so that the longest runs spread over the GPUs.
-    return {
-        f"gpu-{name}-{i}": {"CUDA_VISIBLE_DEVICES": uuid, **shared}
-        for i in range(workers)
-        for name, uuid in gpus.items()
-    }
+    return {f"gpu-{name}-{i}": {GPU: uuid, **shared} for i in range(workers) for name, uuid in gpus.items()}
 
 
 @contextmanager
@@ -69,14 +69,14 @@ def multi_process_service(wanted: bool, gpus: Sequence[str]) -> Iterator[dict[st
     """NVIDIA's MPS for some GPUs for as long as the block lasts, if it is there and none runs; yields what clients need
     of it."""
     control = shutil.which("nvidia-cuda-mps-control")
-    if not wanted or control is None or "CUDA_MPS_PIPE_DIRECTORY" in os.environ:
+    if not wanted or control is None or MPS in os.environ:
         yield {}
         return
     with tempfile.TemporaryDirectory(prefix="mps-") as folder:
-        places = {"CUDA_MPS_PIPE_DIRECTORY": f"{folder}/pipe", "CUDA_MPS_LOG_DIRECTORY": f"{folder}/log"}
+        places = {MPS: f"{folder}/pipe", "CUDA_MPS_LOG_DIRECTORY": f"{folder}/log"}
         for place in places.values():
             Path(place).mkdir()
-        environment = os.environ | places | {"CUDA_VISIBLE_DEVICES": ",".join(gpus)}
+        environment = os.environ | places | {GPU: ",".join(gpus)}
         if subprocess.run([control, "-d"], env=environment).returncode:
             print("MPS does not start; the processes of a GPU take turns instead")
             yield {}
@@ -97,8 +97,8 @@ def launch(
 ) -> list[str]:
     """Run a command for every worker until all have ended; returns the names of those that failed.
 
-    One that is killed or has lost its device (exit code `LOST`) is started again, up to `AGAIN` times, unless the user
-    wants to stop or the time is up.
+    One that crashed or has lost its device (exit code `LOST`) is started again, up to `AGAIN` times, unless the user
+    wants to stop or the time is up; under MPS once the others of its GPU have ended.
 
     Args:
         command: returns program and arguments for a start now; nothing once the time is up.
@@ -110,32 +110,37 @@ def launch(
     """
     logs.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
+    lost: list[str] = []
     told = 0.0
     say(said := progress())
     working: dict[str, subprocess.Popen[bytes]] = {}
     again = dict.fromkeys(environments, AGAIN)
-    with ExitStack() as files:
-        files.callback(_signal_all, working, signal.SIGINT)  # if this process fails, they end as well
 
-        def start(name: str) -> bool:
-            if not (words := list(command())):
-                return False
-            with (logs / f"{name}.log").open("ab") as log:
-                working[name] = subprocess.Popen(
-                    words,
-                    env={**os.environ, **environments[name]},
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=log,
-                    start_new_session=True,  # a Ctrl-C at the terminal reaches them once, through us
-                )
-            return True
+    def start(name: str) -> None:
+        if not (words := list(command())):
+            return
+        with (logs / f"{name}.log").open("ab") as log:
+            working[name] = subprocess.Popen(
+                words,
+                env={**os.environ, **environments[name]},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,  # a Ctrl-C at the terminal reaches them once, through us
+            )
 
+    def waits(name: str) -> bool:
+        """Whether another client of MPS still uses its GPU: after an error it takes no new one until these are gone."""
+        own = environments[name]
+        return MPS in own and any(environments[other].get(GPU) == own.get(GPU) for other in working)
+
+    with ExitStack() as stack:
+        stack.callback(_signal_all, working, signal.SIGINT)  # if this process fails, they end as well
         for name in environments:
             if working:
                 time.sleep(APART)
             start(name)
-        while working:
+        while working or lost:
             time.sleep(POLL)
             for name, process in list(working.items()):
                 if process.poll() is None:
@@ -143,12 +148,7 @@ def launch(
                 del working[name]
                 if process.returncode:
                     say(f"{name} ended with exit code {process.returncode}: see {logs / name}.log")
-                    unlucky = process.returncode in (LOST, *range(-signal.NSIG, 0))
-                    if unlucky and again[name] and not (told or stopped()) and start(name):
-                        again[name] -= 1
-                        say(f"{name} is started again")
-                    else:
-                        failed.append(name)
+                    (lost if again[name] and _unlucky(process.returncode) else failed).append(name)
             if (now := progress()) != said:
                 say(said := now)
             if stopped() and not told:
@@ -156,7 +156,21 @@ def launch(
                 _signal_all(working, signal.SIGINT)
             if told and time.monotonic() > told + PATIENCE:
                 _signal_all(working, signal.SIGKILL)
+            if told:
+                failed += lost
+                lost.clear()
+            for name in [name for name in lost if not waits(name)]:
+                lost.remove(name)
+                again[name] -= 1
+                say(f"{name} is started again")
+                start(name)
     return failed
+
+
+def _unlucky(code: int) -> bool:
+    """Whether a process may do better when it is started again: its device was lost, or a signal ended it that nobody
+    sends on purpose."""
+    return code == LOST or (code < 0 and -code not in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 
 
 def launch_workers(

@@ -5,6 +5,7 @@ the work of one folder, see `locks.py`.
 """
 
 import itertools
+import os
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -26,6 +27,7 @@ from t2tl_jax.runs.checkpoints import CheckpointError
 from t2tl_jax.runs.folder import RunFolder, read_json
 from t2tl_jax.runs.interrupts import Interrupted, Stoppable
 from t2tl_jax.runs.result import Result
+from t2tl_jax.training.compiler_options import MPS
 
 ENDS = ("complete", "converged", "success")
 """Why a training ends that is not to go on."""
@@ -51,6 +53,11 @@ READING = "attention.json"
 
 class LostDeviceError(Exception):
     """No call of this process to its device succeeds any more, whatever it is: the process has to end."""
+
+    def __init__(self, failed: Sequence[str]) -> None:
+        super().__init__("the device answers no more")
+        self.failed = list(failed)
+        """The runs that failed in this process."""
 
 
 class Deadline(Callback):
@@ -173,7 +180,7 @@ def do_all(
         say: told what is begun and what it took.
 
     Raises:
-        LostDeviceError: after a run that failed and took the device with it; the others are left to other processes.
+        LostDeviceError: once the device is lost; what is left is left to other processes, or to the same command later.
     """
     base.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
@@ -208,15 +215,17 @@ def do_all(
                         say("    once more after the others, with no other run on its devices")
                         (base / f"{name}{CROWDED}").touch()
                         open_runs.append(name)
-                        if not devices_answer():
-                            raise LostDeviceError(f"the device is lost since {name} failed")
                     elif failure is not None:
                         failed.append(name)
+                    if failure is not None and not devices_answer():
+                        raise LostDeviceError([*failed, *(name for name in open_runs if crowded(name))])
             break
         else:
             if not elsewhere:
                 break
             time.sleep(WAIT)
+            if MPS in os.environ and not devices_answer():  # what another client did ends this one too
+                raise LostDeviceError(failed)
     return failed + [name for name in open_runs if crowded(name) and not is_known_done(name)]
 
 

@@ -79,8 +79,10 @@ def test_a_worker_that_lost_its_device_goes_on_where_it_left_off(tmp_path):
 def test_nothing_is_started_again_once_the_time_is_up_or_the_user_wants_to_stop(tmp_path, monkeypatch):
     words = [python("sys.exit(75)"), python("sys.exit(75)"), [], []]
     failed = launch.launch(lambda: words.pop(0), NOTHING, tmp_path / "logs", lambda: "", lambda: False, print)
-    assert failed and not words
+    assert not failed and not words  # they are out of time, as others that stop then
     failed, said = run(python("sys.exit(75)"), tmp_path, stopped=lambda: True)
+    assert sorted(failed) == ["a", "b"] and not any("is started again" in line for line in said)
+    failed, said = run(python("os.kill(os.getpid(), signal.SIGTERM)"), tmp_path)  # by somebody who wants it
     assert sorted(failed) == ["a", "b"] and not any("is started again" in line for line in said)
     commands = []
     monkeypatch.setattr(launch, "launch", lambda command, *_: commands.append(command) or [])
@@ -88,6 +90,23 @@ def test_nothing_is_started_again_once_the_time_is_up_or_the_user_wants_to_stop(
         launch.launch_workers(1, ["--only", "x"], minutes, tmp_path, lambda: "", StopRequest())
     first, second = (command() for command in commands)
     assert second == [] and first[3:6] == ["--only", "x", "--minutes"] and 0.9 < float(first[6]) < 1.0
+
+
+def test_a_client_of_mps_is_started_again_when_the_others_of_its_gpu_have_ended(tmp_path):
+    """The first of a GPU loses it at once, the second a little later, and that of another GPU works on."""
+    mps = {launch.MPS: "pipe"}
+    environments = {name: {"NAME": name, launch.GPU: gpu, **mps} for name, gpu in (("a", "0"), ("b", "0"), ("c", "1"))}
+    log = tmp_path / "told"
+    text = f"""
+first = Path({str(tmp_path)!r}, os.environ['NAME']); known = first.exists(); first.touch()
+time.sleep({{'a': 0.0, 'b': 0.5, 'c': 1.5}}[os.environ['NAME']] * (not known))
+with open({str(log)!r}, 'a') as file: file.write(os.environ['NAME'])
+sys.exit(75 * (os.environ['NAME'] != 'c' and not known))
+"""
+    failed, said = run(python(text), tmp_path, environments)
+    again = [line for line in said if "is started again" in line]
+    assert not failed and [line[0] for line in again] == ["a", "b"]
+    assert log.read_text()[:2] == "ab" and sorted(log.read_text()) == sorted("ababc") and log.read_text()[-1] == "c"
 
 
 def test_progress_is_said_when_it_changes(tmp_path):

@@ -92,7 +92,8 @@ def test_a_run_that_may_lack_memory_is_done_once_more_at_the_end_and_then_alone(
     assert tries["d"] == 1 and claims[-1] == ("d", True)
 
 
-def test_a_process_whose_device_is_lost_leaves_the_other_runs_to_others(tmp_path, monkeypatch):
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_process_whose_device_is_lost_leaves_the_other_runs_to_others(tmp_path, monkeypatch, alone):
     """The run that failed is marked, since it may have done it; those after it are not touched."""
     assert work.devices_answer()
 
@@ -104,11 +105,32 @@ def test_a_process_whose_device_is_lost_leaves_the_other_runs_to_others(tmp_path
 
     monkeypatch.setattr(work.jax, "device_put", dead)
     assert not work.devices_answer()
-    done, said = [], []
-    runs = {"a": Run(None, measure=measure, evaluated=False), "b": Run(None, measure=fake("b", done), evaluated=False)}
-    with pytest.raises(work.LostDeviceError, match="lost since a failed"):
-        work.do_all(runs, ["a", "b"], Scale("full", "1"), tmp_path, work.Deadline(1.0), NeverStop(), said.append)
-    assert not done and [path.name for path in tmp_path.glob(f"*{work.CROWDED}")] == [f"a{work.CROWDED}"]
+    done = []
+    runs = {"a": Run(None, measure=measure, evaluated=False, alone=alone)}
+    runs["b"] = Run(None, measure=fake("b", done), evaluated=False, alone=alone)
+    given = runs, ["a", "b"], Scale("full", "1"), tmp_path, work.Deadline(1.0), NeverStop(), print
+    with pytest.raises(work.LostDeviceError) as raised:
+        work.do_all(*given)
+    marked = [path.name for path in tmp_path.glob(f"*{work.CROWDED}")]
+    assert not done and raised.value.failed == ["a"] and marked == ([] if alone else [f"a{work.CROWDED}"])
+    if not alone:
+        with pytest.raises(work.LostDeviceError):
+            work.do_all({"a": runs["a"]}, ["a"], *given[2:])  # as it is done once more, alone
+
+
+def test_a_client_of_mps_that_waits_for_others_sees_that_its_device_is_lost(tmp_path, monkeypatch):
+    monkeypatch.setattr(work, "WAIT", 0.01)
+    monkeypatch.setattr(work, "devices_answer", lambda: False)
+    runs = {"a": Run(None, measure=fake("a", []), evaluated=False)}
+
+    def wait():
+        return work.do_all(runs, ["a"], Scale("full", "1"), tmp_path, work.Deadline(0.002), NeverStop(), print)
+
+    with locks.claimed(tmp_path, "a", (), alone=False) as mine:
+        assert mine and wait() == []
+        monkeypatch.setenv("CUDA_MPS_PIPE_DIRECTORY", "/somewhere")
+        with pytest.raises(work.LostDeviceError):
+            wait()
 
 
 def test_a_run_that_may_lack_memory_has_failed_where_there_is_no_time_to_do_it_alone(tmp_path):
