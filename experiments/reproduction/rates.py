@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from t2tl_jax.training.seeds import FIRST_TUNING_SEED
 
 SHARED = "same"
-"""The usual learning rate, which all methods of a world share; in the benchmark those with shaping and without do."""
+"""The usual learning rate, which all methods of a world share; in the benchmark crm and ql have one each."""
 
 RATES = {"low": 1 / 3, SHARED: 1.0, "high": 3.0}
 """By the ending of a run's name, its learning rate as a multiple of the usual one."""

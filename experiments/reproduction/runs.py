@@ -227,7 +227,6 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
         new[f"water-t1tl-{width}"] = Run(config, before)
     for width in (6, 32):  # 16 is the default
         new[f"water-rm-{width}"] = Run(with_encoder(one_hot, size=width))
-    new["water-rm-6-alone"] = _timed(with_encoder(one_hot, size=6), None)
     return new
 
 

@@ -21,13 +21,13 @@ GRAPHS = {
 """Options of XLA, by name."""
 
 MPS = "CUDA_MPS_PIPE_DIRECTORY"
-"""By this variable a process is a client of NVIDIA's multi-process service. Four trainings that were clients of one GPU
-failed together with these options, see docs/performance.md; with JAX's own settings such processes ran for hours."""
+"""With this variable a process is a client of NVIDIA's multi-process service (MPS) that was set up for it. Four
+trainings that shared a GPU so ended together with these options; why is not known, see docs/performance.md."""
 
 
 def compiler_options() -> dict[str, Any]:
-    """For `jax.jit`: `GRAPHS` on an NVIDIA GPU, without those that ``XLA_FLAGS`` names; nothing elsewhere, nor under
-    NVIDIA's multi-process service."""
+    """For `jax.jit`: `GRAPHS` on an NVIDIA GPU, without those that ``XLA_FLAGS`` names; nothing elsewhere, nor with
+    `MPS`."""
     if jax.default_backend() != "gpu" or "cuda" not in backend.get_backend().platform_version.lower():
         return {}
     if MPS in os.environ:

@@ -190,16 +190,16 @@ def test_the_figures_say_what_was_searched_for(found):
     found({})
     said = " ".join(settings.searched("zone").split())
     assert said == " ".join(settings.searched("water").split())
-    assert said.startswith(" ".join(settings.SEARCHED.split())) and "is not complete" in said
+    assert said.startswith(" ".join(settings.SEARCHED.split())) and "not complete" in said
     found({"zone": {"gnn": "high", "dfa": "low"}})
     said = " ".join(settings.searched("zone").split())
     assert "it took another one than the usual for gnn (three times it), dfa (a third of it)" in said
     assert (
-        "and the orders with each method at the rate taken. Other" in said
+        "with the orders at the rates that were taken. Other" in said
         and "on seeds 100-103" in said
         and f"#{settings.SEARCH_ANCHOR}" in said
     )
-    assert "is not complete" in settings.searched("water")
+    assert "not complete" in settings.searched("water")
     assert "none was searched for on this one" in " ".join(settings.searched("steps").split())
     found({"zone": {}, "water": {}})
     said = " ".join(settings.searched("water").split())
@@ -240,3 +240,40 @@ def test_a_search_is_kept_on_its_own_seeds_alone_and_thinned_but_for_its_end(run
     (source / "config.json").write_text(config_files.to_json(replace(config, seeds="7,100")))
     with pytest.raises(UserError, match="is a search and was made with seeds 7, on which results are reported"):
         stored.keep(name, source, kept, repository=path, search=True)
+
+
+@pytest.mark.parametrize(
+    ("world", "own", "order", "lead"),
+    [
+        ("rm", {"ql": "high"}, "rm-crm > rm-ql-own-rate", "The orderings that the paper of reward machines claims"),
+        ("safe", {"gnn": "low"}, "safe-t1tl - safe-gnn-own-rate", "The comparisons of its section"),
+    ],
+)
+def test_other_worlds_are_judged_again_as_their_sections_judge(tmp_path, found, world, own, order, lead):
+    """Those of reward machines by their scores, and where nothing is claimed the same pairs as in the section."""
+    found({world: own})
+    [method] = own
+    planned = all_runs.__wrapped__()
+    scores = {f"{what}_{k + 1}": 1.0 for k in range(10) for what in ("episodes", "best_score")}
+    there, seeds = {}, (1, 2, 3, 4)
+    for name in {f"{world}-{method}", f"{world}-{method}-own-rate", *order.replace(" > ", " - ").split(" - ")}:
+        columns = scores | {f"score_{k + 1}": 0.5 + NEAR for k in range(10)} if world == "rm" else {}
+        played = {
+            planned[name].config.episode_length: dict.fromkeys(
+                ("discounted_return", "success_rate", "violation_rate"), 0.5
+            )
+        }
+        made = {"seeds": seeds, "frames": 200_000, "evaluated": played, **columns}
+        there[name] = write(tmp_path / name, planned[name].config, **made)
+    text = search.search(there)
+    assert order in rows(text) and f"{lead}, each method at the rate that the search took:" in text
+    assert f"{world}-{method}-own-rate - {world}-{method}" in rows(text) and "return at the end" in text
+    del there[f"{world}-{method}-own-rate"]
+    assert search.search(there) == ""
+
+
+def test_the_benchmark_says_what_the_search_found_and_which_runs_it_does_not_hold_for():
+    said = settings.again_searched("rm", "All runs whose names have no ending")
+    own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE["rm"].items()]
+    assert ", ".join(own) in said and "All runs whose names have no ending have the usual one." in said
+    assert "as far as it is trained" in said

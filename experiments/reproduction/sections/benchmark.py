@@ -90,9 +90,9 @@ SEARCHED = """Learning rates were first not searched for alike: ql's was chosen 
 reported too; crm's was there before, and on which maps it was chosen is not recorded; neither was searched again for
 shaped rewards. {} Without the maps of ql's first search:"""
 
-OTHERWISE = """Width, head and learning rate of ql and ql_shaped are not the published ones (see below), and which of
-them makes the difference, where there is one, is open. Both were trained with the published ones too, nearly to the end
-([below](#ql-in-the-published-form-as-far-as-it-went))."""
+OTHERWISE = """Width, head, learning rate and clipping of ql and ql_shaped are not the published ones (see below)."""
+
+CUT = """Both were trained with these too, nearly to the end: [below](#ql-in-the-published-form-as-far-as-it-went)."""
 
 LEAD = """A lead on why crm's single task is behind, and no explanation: the authors trained crm with three layers of
 512 too (crm1, one repeat), the width of ours. At their learning rate it ends the ten tasks at a score of {narrow:.3f}
@@ -155,7 +155,9 @@ def _on_other_maps(runs: Mapping[str, Stored], means: Mapping[str, Mapping[int, 
     searched = tuning.TUNED["rm_water_ql"].seeds
     others = {name: {seed: of[seed] for seed in of if seed not in searched} for name, of in means.items()}
     found = differences(runs, TEN_PAIRS, others, "the same, on maps without ql's search", TEN_CLAIMS)
-    said = paragraph(SEARCHED.format(tuning.in_words(searched), again_searched("rm")))
+    said = paragraph(
+        SEARCHED.format(tuning.in_words(searched), again_searched("rm", "All runs whose names have no ending"))
+    )
     return f"{said}\n\n{found}" if found else ""
 
 
@@ -266,7 +268,9 @@ def how_far_behind(curves: Mapping[str, Mapping[int, np.ndarray]]) -> str:
             gaps = np.array(published_water.SCORES[published][0]) - np.mean(list(curves[name].values()), axis=0)
             under = gaps[gaps > 0]
             each += [f"{name} {under.min():.3f} to {under.max():.3f}"] if under.size else []
-    return f"These means are below by: {'; '.join(each)}. {' '.join(OTHERWISE.split())}" if each else ""
+    whole = {f"rm-{kind}{FORM}" for kind in ("ql", "ql_shaped")} <= curves.keys()
+    said = f"{OTHERWISE} {'' if whole else CUT}"
+    return f"These means are below by: {'; '.join(each)}. {' '.join(said.split())}" if each else ""
 
 
 def lead(ten: Mapping[str, Stored], single: Mapping[str, Stored]) -> str:

@@ -43,7 +43,15 @@ def moved(runs: Mapping[str, Stored], published: float) -> str:
     kept = {seed.seed: seed for seed in begun(runs[KEPT])} if KEPT in runs else {}
     if kept.keys() >= set(both):
         rows.insert(1, _row(KEPT, tuple(kept[seed] for seed in both)))
-        known, departs = WITH_KEPT, _departs(dict(zip(VALUES, (below, above), strict=True)), kept)
+        known, departs = (
+            WITH_KEPT,
+            _departs(
+                {
+                    name: [(of[seed], kept[seed]) for seed in both]
+                    for name, of in zip(VALUES, (below, above), strict=True)
+                }
+            ),
+        )
     else:
         known, departs = WITHOUT_KEPT, ""
     heading = (
@@ -71,9 +79,11 @@ def _mcnemar(pairs: list[tuple[Begun, Begun]]) -> tuple[int, int, float]:
     return low, high, float(stats.binomtest(low, low + high).pvalue) if low + high else 1.0
 
 
-def _departs(moved: Mapping[str, Mapping[int, Begun]], kept: Mapping[int, Begun]) -> str:
-    """Each changed start against the program as it is, corrected for both comparisons by Holm."""
-    pairs = {name: [(of[seed], kept[seed]) for seed in sorted(of.keys() & kept.keys())] for name, of in moved.items()}
+def _departs(pairs: Mapping[str, list[tuple[Begun, Begun]]]) -> str:
+    """Each changed start against the program as it is, corrected for both comparisons by Holm.
+
+    pairs: of each changed run its seeds and the same ones of the program as it is.
+    """
     found = {name: _mcnemar(some) for name, some in pairs.items()}
     corrected = holm([p for _, _, p in found.values()])
     said = []
@@ -82,9 +92,12 @@ def _departs(moved: Mapping[str, Mapping[int, Begun]], kept: Mapping[int, Begun]
         shown = "no difference is shown" if p >= 1 - CONFIDENCE else "more do" if more > fewer else "fewer do"
         said.append(
             f"{name}: {more} solve the task only with it and {fewer} only without ({shown}; p {p:.2g}), and the return "
-            f"at the end differs by {gap.text()}"
+            f"at the end is higher with it by {gap.text()}"
         )
-    return f"Beside the program as it is, by the same test corrected for two: {'; '.join(said)}."
+    return (
+        "That test was planned before there was a run of the program as it is. Beside this run, by the same test "
+        f"corrected for two: {'; '.join(said)}."
+    )
 
 
 def _said(pairs: list[tuple[Begun, Begun]], published: float) -> str:

@@ -16,9 +16,10 @@ from experiments.reproduction.stored import Stored
 CUT = {f"rm-{kind}{benchmark.FORM}": f"rm_{kind}_published_cut" for kind in ("ql", "ql_shaped")}
 """By the name of the whole run the folder of the cut one, among those of WaterWorld."""
 
-NOTE = """Both were cut when the time on their machine was up, after {}. Nothing was evaluated. Nothing but the random
-actions follows a schedule in this form, and these end after 200,000 steps, so that up to the cut the curves are those
-of whole trainings. Scores are normalised with those of all runs of the ten tasks."""
+NOTE = """Both were cut when the time on their machine was up, after {}. Nothing was evaluated. Nothing but the
+share of random actions follows a schedule in this form, and that has fallen to its end after 200,000 steps, so that up
+to the cut the curves are those of whole trainings. Scores are normalised with the best episodes of these runs and of
+the four usual ones, so that they can differ a little from those of [the benchmark](#the-reward-machine-benchmark)."""
 
 
 def published_ql(results: Path) -> str:

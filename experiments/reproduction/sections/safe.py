@@ -60,7 +60,7 @@ def safe_order(runs: Mapping[str, Stored], pairs: Pairs, claims: Pairs = ()) -> 
     """Differences between runs by the success and the violations of their final parameters."""
     rates = {"success": "success_rate", "violations": "violation_rate"}
     values = {what: {name: run.by_seed(rate) for name, run in runs.items()} for what, rate in rates.items()}
-    parts = [differences(runs, pairs, of, f"{what} of the final parameters") for what, of in values.items()]
+    parts = [differences(runs, pairs, of, f"{what} of the final parameters", claims) for what, of in values.items()]
     return "\n\n".join(part for part in parts if part)
 
 

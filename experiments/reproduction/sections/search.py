@@ -38,25 +38,26 @@ ORDERS = {
     "safe": safe.safe_order,
     "rm": benchmark.ten_order,
 }
-NOT_CLAIMED = ("safe",)
-"""Where pairs are compared of which the paper claims nothing."""
+CLAIMED = {
+    "zone": "The orderings that the paper claims",
+    "water": "The orderings that the paper claims",
+    "rm": "The orderings that the paper of reward machines claims",
+}
+"""Of the others pairs are compared of which nothing is claimed."""
 
-NOTES = f"""The search is the same for every method: the learning rate at a third of the usual one, which all methods of
-a world share (in the reward-machine benchmark crm and ql have one each, shaped or not), at that one, and at three times
-it, and nothing else. Budget and schedule are those of the main runs, but for `phi_zone` 3 million frames instead of 10
-and in the benchmark 400,000 instead of 2 million, over which exploration and learning rate fade; encoders are pre-
-trained as for the main runs, on the seeds of the search. The best rate has the highest mean over seeds of the
-discounted return over the last {100 * LAST:g} % of training, which is what `experiments.sweep --search` maximises (a
-seed in which no episode ended there counts -1); the usual rate is kept where no other mean is above its. That is a
-plain maximum of few seeds, so that another rate may be taken by chance: what it is worth is measured on the seeds that
-are reported. A better rate may lie between or beyond the three, what is best after fewer frames need not be best after
-all, and no other setting was searched for by method."""
+NOTES = f"""The search is the same for every method: the learning rate at a third of the usual one, which all methods
+of a world share (in the reward-machine benchmark crm and ql have one each, shaped or not), at that one, and at three
+times it, and nothing else. Budget and schedule are those of the main runs, but for `phi_zone` 3 million frames
+instead of 10 and in the benchmark 400,000 instead of 2 million, over which exploration and learning rates fade as
+they do over all; encoders are pre-trained as for the main runs, on the seeds of the search. The best rate has the
+highest mean over seeds of the discounted return over the last {100 * LAST:g} % of training, which is what
+`experiments.sweep --search` maximises (a seed in which no episode ended there counts -1); the usual rate is kept
+where no other mean is above its. That is a plain maximum of few seeds, so that another rate may be taken by chance:
+what it is worth is measured on the seeds that are reported. A better rate may lie between or beyond the three, what
+is best after fewer frames need not be best after all, and no other setting was searched for by method."""
 
 STAYS = "The usual rate is best for every method, so that nothing is trained again."
 
-
-WHAT_AGAIN = ("The orderings that the paper claims", "The comparisons of its section")
-"""By whether nothing is claimed."""
 
 ON_FRESH_SEEDS = """A difference whose interval holds 0 does not say that the rate which was taken on four seeds is
 better on the reported ones, nor that it is worse."""
@@ -128,7 +129,9 @@ def _tried(runs: Mapping[str, Stored], world: str) -> str:
         rows.append((method, *marked, "not known yet" if taken is None else rates.WORDS[taken]))
     if not rows:
         return ""
-    heading = ("method", *(_column(there, which) for which in rates.RATES), "best")
+    at = {which: {method: rates.search_name(world, method, which) for method in names} for which in rates.RATES}
+    known = {which: {method: there[name] for method, name in of.items() if name in there} for which, of in at.items()}
+    heading = ("method", *(_column(of, which) for which, of in known.items()), "best")
     seeds = sorted({seed for run in there.values() for seed in run.seeds})
     said = (
         f"{TITLES[world]}: return at the end of training, on seeds {tuning.in_words(seeds)}, which are kept for "
@@ -137,17 +140,20 @@ def _tried(runs: Mapping[str, Stored], world: str) -> str:
     return f"{paragraph(said)}\n\n{table(heading, rows)}"
 
 
-def _column(there: Mapping[str, Stored], which: str) -> str:
-    """One of the rates in words, and as a number where a run has it."""
-    learners: list[Any] = [run.config.learner for name, run in there.items() if name.endswith(f"-{which}")]
-    numbers = sorted({learner.learning_rate for learner in learners})
-    return ", ".join([rates.WORDS[which], *(f"{number:g}" for number in numbers)])
+def _column(methods: Mapping[str, Stored], which: str) -> str:
+    """One of the rates in words, and as a number where there is a run, by method; of several numbers, whose each is."""
+    found: dict[float, list[str]] = {}
+    for method, run in methods.items():
+        learner: Any = run.config.learner
+        found.setdefault(learner.learning_rate, []).append(method)
+    each = [f"{number:g}" + (f" ({', '.join(whose)})" if len(found) > 1 else "") for number, whose in found.items()]
+    return ", ".join([rates.WORDS[which], *each])
 
 
 def _again(runs: Mapping[str, Stored], world: str) -> str:
     """Methods with a rate of their own beside the usual one, on the seeds that are reported, and the claims with each
     method at the rate that the search took; '' until the search is there."""
-    own = rates.OWN_RATE.get(world)
+    own, runs = rates.OWN_RATE.get(world), {name: run for name, run in runs.items() if name.startswith(f"{world}-")}
     if own is None:
         return ""
     if not own:
@@ -158,15 +164,15 @@ def _again(runs: Mapping[str, Stored], world: str) -> str:
     if not any(first in runs for first, _ in pairs):
         return ""
     claims = [(rates.at_its_best(better), rates.at_its_best(worse)) for better, worse in CLAIMS[world]]
-    runs, order = {name: run for name, run in runs.items() if name.startswith(f"{world}-")}, ORDERS[world]
+    order = ORDERS[world]
     parts = (
         f"{TITLES[world]}: the rate that the search took beside the usual one, with the budget and on the seeds of "
         "the main runs.",
         methods({name: runs[name] for name in shown}, {name: name for name in shown}),
         order(runs, pairs),
-        _by_criterion(runs, pairs) if world == "water" else "",
+        _by_criterion(runs, pairs) if world != "zone" else "",
         paragraph(ON_FRESH_SEEDS),
-        f"{WHAT_AGAIN[world in NOT_CLAIMED]}, each method at the rate that the search took:",
-        order(runs, claims, () if world in NOT_CLAIMED else claims),
+        f"{CLAIMED.get(world, 'The comparisons of its section')}, each method at the rate that the search took:",
+        order(runs, claims, claims) if world in CLAIMED else order(runs, claims),
     )
     return "\n\n".join(part for part in parts if part)

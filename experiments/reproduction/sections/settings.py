@@ -16,8 +16,8 @@ from t2tl_jax.training.seeds import parse_seeds
 SEARCHED = """Settings were searched for with the methods of the column "chosen with" alone, and not again for each of
 the others, which take them over: an ordering in which one of the latter is behind may come from that."""
 
-NOT_WHOLE = """A search of the learning rate for every method is not complete ([what it found so
-far](#{})), and the orders here do not take it into account yet."""
+NOT_WHOLE = """A search of the learning rate for every method is planned and not complete ([what there is of
+it](#{})), and the orders here do not take it into account yet."""
 
 ELSEWHERE = """The learning rate was searched for in the same way for every method ([below](#{})), but on other tasks,
 and none was searched for on this one: the same search for every method was the aim, and was not made
@@ -40,14 +40,19 @@ def searched(world: str) -> str:
         behind may still come from them.""")
 
 
-def again_searched(world: str) -> str:
-    """What the same search for every method found in a world of `rates.WORLDS`."""
+def again_searched(world: str, usual: str = "All runs of this table") -> str:
+    """What the same search for every method found in a world of `rates.WORLDS`.
+
+    Args:
+        world: which one.
+        usual: the runs that have the usual rate, in words.
+    """
     if world not in rates.OWN_RATE:
         return NOT_WHOLE.format(SEARCH_ANCHOR)
     own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
     found = (
-        f"it took another one than the usual for {', '.join(own)}. All runs of this table have the usual one. The "
-        "section linked has those at another rate that are trained, and the orders with each method at the rate taken"
+        f"it took another one than the usual for {', '.join(own)}. {usual} have the usual one. What the "
+        "other is worth is in the section linked as far as it is trained, with the orders at the rates that were taken"
         if own
         else "the usual one is best for every method"
     )

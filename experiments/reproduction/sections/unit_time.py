@@ -21,7 +21,7 @@ PUBLISHED: dict[str, dict[str, tuple[float, float]]] = {
     },
     "water": {
         "t1tl": (2.60, 0.05),
-        "rm-6": (2.20, 0.20),
+        "rm": (2.20, 0.20),
         "dfa": (2.02, 0.52),
         "t2tl": (1.96, 0.08),
         "gnn": (1.95, 0.03),
@@ -43,7 +43,7 @@ of the printed values, every two of a world, though most of their printed spread
 is one number, of one seed alone on the device, so intervals and outcomes tell of the seeds' rewards alone and
 not of how that time would vary. It is taken over the frames of the column "timed",
 without the comparisons of parameters that a training makes on the way, and is the same for each frame of the whole
-training; pre-training is timed whole. The published RM of WaterWorld reads 6 numbers, like rm-6. Outcomes are
+training; pre-training is timed whole. The published RM of WaterWorld reads 6 numbers, ours 16. Outcomes are
 without compiling, which the published program has none of. Pre-training and training compile side by side in
 use; here their seconds are added."""
 
