@@ -116,9 +116,9 @@ def launch(
     working: dict[str, subprocess.Popen[bytes]] = {}
     again = dict.fromkeys(environments, AGAIN)
 
-    def start(name: str) -> None:
+    def start(name: str) -> bool:
         if not (words := list(command())):
-            return
+            return False
         with (logs / f"{name}.log").open("ab") as log:
             working[name] = subprocess.Popen(
                 words,
@@ -128,6 +128,7 @@ def launch(
                 stderr=log,
                 start_new_session=True,  # a Ctrl-C at the terminal reaches them once, through us
             )
+        return True
 
     def waits(name: str) -> bool:
         """Whether another client of MPS still uses its GPU: after an error it takes no new one until these are gone."""
@@ -162,8 +163,8 @@ def launch(
             for name in [name for name in lost if not waits(name)]:
                 lost.remove(name)
                 again[name] -= 1
-                say(f"{name} is started again")
-                start(name)
+                if start(name):
+                    say(f"{name} is started again")
     return failed
 
 
