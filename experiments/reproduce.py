@@ -63,7 +63,7 @@ class Arguments:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0 done or out of time, 1 if a run failed, 2 for unusable input,
-    75 if the device was lost."""
+    75 if this process lost its device (with --workers, that of some worker is a failure)."""
     return guarded(lambda: _main(sys.argv[1:] if arguments is None else list(arguments)))
 
 
@@ -122,7 +122,7 @@ def _main(texts: Sequence[str]) -> int:
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
     anew = not any(base.glob("*/status.json"))
-    failed, lost = list[str](), False
+    failed: list[str] = []
     if not arguments.keep and arguments.scale == "full":
         _say_if_modified()
     if arguments.keep:
@@ -144,8 +144,11 @@ def _main(texts: Sequence[str]) -> int:
             try:
                 failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes), stop)
             except work.LostDeviceError as error:
+                # At once: what comes below builds environments on the device, and other clients of MPS wait.
                 print(f"{error}, so that this process ends; give the same command again to continue", file=sys.stderr)
-                failed, lost = error.failed, True
+                if error.failed:
+                    print(f"failed: {', '.join(error.failed)}")
+                return work.LOST
     if arguments.keep:
         for name in work.needed(runs, names):
             if work.is_done(runs[name], scale, base / name):
@@ -191,7 +194,7 @@ def _main(texts: Sequence[str]) -> int:
         write_json(base / "time.json", content | {"items": len(items), "runs": len(finished)})
     if failed:
         print(f"failed: {', '.join(failed)}")
-    return work.LOST if lost else 1 if failed else 0
+    return 1 if failed else 0
 
 
 def _say_if_modified() -> None:

@@ -5,6 +5,7 @@ Each is the command itself without ``--workers``, sees a single GPU, and takes r
 those of several processes overlap.
 """
 
+import math
 import os
 import shutil
 import signal
@@ -35,7 +36,7 @@ GPU = "CUDA_VISIBLE_DEVICES"
 """The variable that names a worker's GPU."""
 
 PATIENCE = 120.0
-"""Seconds that workers have to write their checkpoints when the user asks to stop."""
+"""Seconds that workers have to write checkpoints when the user asks to stop, and to see that their GPU is lost."""
 
 
 def visible_gpus(environment: Mapping[str, str] = os.environ) -> list[str]:
@@ -98,7 +99,7 @@ def launch(
     """Run a command for every worker until all have ended; returns the names of those that failed.
 
     One that crashed or has lost its device (exit code `LOST`) is started again, up to `AGAIN` times, unless the user
-    wants to stop or the time is up; under MPS once the others of its GPU have ended.
+    wants to stop or the time is up; the latter under MPS once the others of its GPU have ended, or after `PATIENCE`.
 
     Args:
         command: returns program and arguments for a start now; nothing once the time is up.
@@ -110,7 +111,7 @@ def launch(
     """
     logs.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
-    lost: list[str] = []
+    lost: dict[str, float] = {}
     told = 0.0
     say(said := progress())
     working: dict[str, subprocess.Popen[bytes]] = {}
@@ -133,7 +134,8 @@ def launch(
     def waits(name: str) -> bool:
         """Whether another client of MPS still uses its GPU: after an error it takes no new one until these are gone."""
         own = environments[name]
-        return MPS in own and any(environments[other].get(GPU) == own.get(GPU) for other in working)
+        beside = MPS in (os.environ | dict(own)) and any(environments[one].get(GPU) == own.get(GPU) for one in working)
+        return beside and time.monotonic() < lost[name] + PATIENCE
 
     with ExitStack() as stack:
         stack.callback(_signal_all, working, signal.SIGINT)  # if this process fails, they end as well
@@ -149,7 +151,11 @@ def launch(
                 del working[name]
                 if process.returncode:
                     say(f"{name} ended with exit code {process.returncode}: see {logs / name}.log")
-                    (lost if again[name] and _unlucky(process.returncode) else failed).append(name)
+                    if again[name] and _unlucky(process.returncode):
+                        crashed = process.returncode != LOST  # by itself, so that there is nothing to wait for
+                        lost[name] = -math.inf if crashed else time.monotonic()
+                    else:
+                        failed.append(name)
             if (now := progress()) != said:
                 say(said := now)
             if stopped() and not told:
@@ -161,10 +167,12 @@ def launch(
                 failed += lost
                 lost.clear()
             for name in [name for name in lost if not waits(name)]:
-                lost.remove(name)
+                del lost[name]
                 again[name] -= 1
                 if start(name):
                     say(f"{name} is started again")
+                else:
+                    failed.append(name)
     return failed
 
 

@@ -16,6 +16,7 @@ import jax
 import numpy as np
 
 from experiments import attention
+from experiments.cli.errors import EXHAUSTED
 from experiments.reproduction.anytask import tested
 from experiments.reproduction.locks import claimed, device_names
 from experiments.reproduction.plan import Run, Scale, cost
@@ -40,6 +41,13 @@ algorithm is left to choose, so they are not read."""
 
 LOST = 75
 """Exit code of a process whose device is lost. What others or a later process do of the same runs may well succeed."""
+
+LOSS = ".loss"
+"""Ending of the file that says of a run that a device was lost while it was done beside others, which any of them may
+have caused. The next time the run itself is suspected, and done alone."""
+
+LOOK = 30.0
+"""Seconds between two looks of a client of MPS that waits whether its device still answers."""
 
 CROWDED = ".crowded"
 """Ending of the file that says of a run that it failed beside others, and is to be done alone."""
@@ -182,8 +190,28 @@ def do_all(
     Raises:
         LostDeviceError: once the device is lost; what is left is left to other processes, or to the same command later.
     """
-    base.mkdir(parents=True, exist_ok=True)
     failed: list[str] = []
+    try:
+        return _do_all(runs, names, scale, base, deadline, stop, say, failed)
+    except SHORT as error:
+        if devices_answer():
+            raise
+        raise LostDeviceError(failed) from error
+
+
+def _do_all(
+    runs: Mapping[str, Run],
+    names: Sequence[str],
+    scale: Scale,
+    base: Path,
+    deadline: Deadline,
+    stop: Stoppable,
+    say: Callable[[str], None],
+    failed: list[str],
+) -> list[str]:
+    """`do_all` while the device is there; `failed` holds what failed so far also if it is lost."""
+    base.mkdir(parents=True, exist_ok=True)
+    looked = time.monotonic()
     done: set[str] = set()
 
     def is_known_done(name: str) -> bool:
@@ -211,31 +239,36 @@ def do_all(
                 if not is_known_done(name):
                     say(f"[{total - len(open_runs)}/{total}] {name}")
                     failure = _failure(run, scale, base, name, deadline, stop, say)
+                    lost = failure is not None and not devices_answer()
                     if failure is not None and issubclass(failure, SHORT) and not alone:
-                        say("    once more after the others, with no other run on its devices")
-                        (base / f"{name}{CROWDED}").touch()
+                        first = lost and not (base / f"{name}{LOSS}").exists()
+                        when = "" if first else " after the others, with no other run on its devices"
+                        say(f"    once more{when}")
+                        (base / f"{name}{LOSS if first else CROWDED}").touch()
                         open_runs.append(name)
                     elif failure is not None:
                         failed.append(name)
-                    if failure is not None and not devices_answer():
-                        raise LostDeviceError([*failed, *(name for name in open_runs if crowded(name))])
+                    if lost:
+                        raise LostDeviceError(failed)
             break
         else:
             if not elsewhere:
                 break
             time.sleep(WAIT)
-            if MPS in os.environ and not devices_answer():  # what another client did ends this one too
-                raise LostDeviceError(failed)
+            if MPS in os.environ and time.monotonic() > looked + LOOK:
+                looked = time.monotonic()
+                if not devices_answer():  # what another client did ends this one too
+                    raise LostDeviceError(failed)
     return failed + [name for name in open_runs if crowded(name) and not is_known_done(name)]
 
 
 def devices_answer() -> bool:
     """Whether the devices of this process still do anything. After some errors, such as a launch that failed, none of
-    its calls to a GPU succeeds."""
+    its calls to a GPU succeeds. One whose memory is full answers."""
     try:
         jax.block_until_ready([jax.device_put(np.zeros(()), device) + 1 for device in jax.local_devices()])
-    except SHORT:
-        return False
+    except SHORT as error:
+        return any(words in str(error) for words in EXHAUSTED)
     return True
 
 

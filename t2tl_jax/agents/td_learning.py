@@ -109,13 +109,12 @@ def read_once(
 ) -> tuple[Carry | Tokens, Carry | Tokens]:
     """The windows at s and at s' for the online network; no gradient flows through what is made of those at s'.
 
-    All steps of the one at s' but the newest are in the one at s too, so that their tokens are made once. States that
-    read the task are others for every task, and are read where they are needed.
+    All steps of the one at s' but the newest are in the one at s too, so that their tokens are made once.
 
     steps: windows [B, K + 1] whose last slot holds the step from s to s', or `()` without context.
     """
     before, after = without_newest(steps), without_oldest(steps)
-    if config.context is None or config.state.reads_task:
+    if config.context is None:
         return before, after
     make: Callable[..., Any] = partial(network.apply, method="tokens")
     made = make(params, before)

@@ -23,7 +23,7 @@ from t2tl_jax.networks.state_encoders import FlatConfig, check_context, make_sta
 from t2tl_jax.networks.task_encoder import RowEncoder, TaskEncoder, TaskEncoderConfig
 from t2tl_jax.networks.task_encoders import make_task_encoder
 from t2tl_jax.networks.transformer import TransformerConfig
-from t2tl_jax.networks.windows import Carry
+from t2tl_jax.networks.windows import Carry, Tokens
 from t2tl_jax.objects import Objects
 
 HE = nn.initializers.orthogonal(2**0.5)
@@ -155,7 +155,7 @@ class QNetwork(RecurrentNetwork):
         del observation_size
         return jnp.int32(0), self.config.state_layers[0]
 
-    def features(self, obs: jax.Array, task: jax.Array, carry: Carry = ()) -> jax.Array:
+    def features(self, obs: jax.Array, task: jax.Array, carry: Carry | Tokens = ()) -> jax.Array:
         """obs [B, O], carry of B environments -> [B, 1, task_layer], before the last activation.
 
         The same for all tasks, which see no window of their own but the one of the policy that acted; but of every
@@ -165,7 +165,7 @@ class QNetwork(RecurrentNetwork):
             return self.deeper(self.first_layer(obs[:, None], task), None)
         return self.deeper(self.first_layer(obs), self.window_code(carry))[:, None]
 
-    def window_code(self, carry: Carry) -> jax.Array | None:
+    def window_code(self, carry: Carry | Tokens) -> jax.Array | None:
         """The context variable [..., output]; None without context."""
         return None if self.config.context is None else self.context(carry)
 
@@ -178,7 +178,7 @@ class QNetwork(RecurrentNetwork):
             x = layer(x)
         return x
 
-    def concat(self, obs: jax.Array, task: jax.Array, carry: Carry) -> tuple[jax.Array, jax.Array]:
+    def concat(self, obs: jax.Array, task: jax.Array, carry: Carry | Tokens) -> tuple[jax.Array, jax.Array]:
         """obs [B, O], task [R, dim] for every state or [B, R, dim], its own -> [B, R, actions], [B, R, 1]."""
         first = self.first_layer(obs[:, None], task) if self.config.state.reads_task else self.first_layer(obs)[:, None]
         x = first + self.task_share(self.of_task(task))  # [B, R, first layer]
@@ -221,7 +221,7 @@ class QNetwork(RecurrentNetwork):
             return advantage
         return state_value + advantage - advantage.mean(axis=-1, keepdims=True)
 
-    def every_row(self, obs: jax.Array, embedding: jax.Array, carry: Carry = ()) -> jax.Array:
+    def every_row(self, obs: jax.Array, embedding: jax.Array, carry: Carry | Tokens = ()) -> jax.Array:
         """Q of every row for each state: obs [B, O], embedding [rows, dim] -> [B, rows, actions].
 
         Of R rows of its own for each state where the embedding is [B, R, dim] -> [B, R, actions].
@@ -235,7 +235,7 @@ class QNetwork(RecurrentNetwork):
         both = jnp.einsum("bea,re->bra" if codes.ndim == 2 else "bea,bre->bra", matrices, codes)
         return self.dueling(both[..., 1:], both[..., :1])
 
-    def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, carry: Carry = ()) -> jax.Array:
+    def __call__(self, obs: jax.Array, embedding: jax.Array, row: jax.Array, carry: Carry | Tokens = ()) -> jax.Array:
         """Q of one row for each state: obs [B, O], embedding [rows, dim], row int32[B] -> [B, actions]."""
         if self.config.head == "concat":
             return self.dueling(*self.concat(obs, embedding[row][:, None], carry))[:, 0]
@@ -246,6 +246,6 @@ class QNetwork(RecurrentNetwork):
         both = jnp.einsum("bea,be->ba", self.matrices(features[:, 0]), self.codes(embedding)[row])
         return self.dueling(both[..., 1:], both[..., :1])
 
-    def initialise(self, table: TaskTable, obs: jax.Array, carry: Carry = ()) -> jax.Array:
+    def initialise(self, table: TaskTable, obs: jax.Array, carry: Carry | Tokens = ()) -> jax.Array:
         """Touch every part once: `init(key, table, obs, carry, method="initialise")` makes all parameters."""
         return self.every_row(obs, self.embed(table), carry)

@@ -13,13 +13,13 @@ from t2tl_jax.agents import td_learning
 from t2tl_jax.agents.dqn import make_dqn
 from t2tl_jax.agents.dqn_config import DQNConfig
 from t2tl_jax.agents.replay import make_replay
-from t2tl_jax.agents.td_learning import dqn_loss, td_targets
+from t2tl_jax.agents.td_learning import Transition, dqn_loss, td_targets
 from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.q_network import QNetwork, QNetworkConfig
 from t2tl_jax.networks.task_encoders import OneHotConfig
-from t2tl_jax.networks.windows import without_newest, without_oldest
-from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.networks.windows import Window, without_newest, without_oldest
+from t2tl_jax.task_env import Shared, TaskEnv
 from tests.agents.sizes import GRU, TRANSFORMER
 from tests.parameters import begun_quickly
 from tests.probe import DiscreteCueEnv, success_by_memory
@@ -41,12 +41,13 @@ DQN = DQNConfig(
     epsilon_fraction=0.5,
 )
 EPISODE_LENGTH = 5
+PROBE = DiscreteCueEnv()
+TASKS = compile_tasks(["!Down U Up"], PROBE.propositions, PROBE.alphabet)
 
 
 def make(network):
     """Environment, agent, its first state, and one iteration compiled."""
-    probe = DiscreteCueEnv()
-    env = TaskEnv(probe, compile_tasks(["!Down U Up"], probe.propositions, probe.alphabet))
+    env = TaskEnv(PROBE, TASKS)
     agent = begun_quickly(make_dqn(env, dataclasses.replace(DQN, network=network), EPISODE_LENGTH, iterations=30))
     given, iterate = env.make_params(0), jax.jit(agent.iterate)
     state = jax.jit(agent.init)(jax.random.key(0), given)
@@ -110,31 +111,53 @@ def test_targets_use_the_window_after_the_step_and_all_rows_the_same_one(learner
     assert own == pytest.approx(huber[np.arange(100), stored.row].mean(), rel=1e-4)
 
 
-@pytest.mark.parametrize("printed_argmax", [False, True])
-@pytest.mark.parametrize("counterfactual", [True, False])
-def test_tokens_that_are_made_once_give_the_same_loss_and_gradient(
-    learner, monkeypatch, counterfactual, printed_argmax
-):
-    env, _, state, iterate = learner
-    state, _ = iterate(state)
-    config = dataclasses.replace(DQN, network=NETWORK, counterfactual=counterfactual, printed_argmax=printed_argmax)
-    table, network = env.table, QNetwork(NETWORK, 3)
-    batch = jax.jit(make_replay(DQN.buffer_size, 100, DQN.num_envs, CONTEXT).sample)(state.buffer, jax.random.key(1))
-    embedding = jax.jit(partial(network.apply, method="embed"))(state.params, table)
-    target_params = jax.tree.map(lambda x: 0.9 * x, state.params)
+UNMASKED = dataclasses.replace(TRANSFORMER, masked=False, norm="post")
+
+
+@pytest.mark.parametrize(
+    ("context", "network", "config"),
+    [
+        ({}, {}, {}),
+        ({"recompute": False}, {"head": "concat"}, {"counterfactual": False}),
+        ({"reader": GRU}, {"head": "bilinear"}, {"printed_argmax": True}),
+        ({"reader": UNMASKED, "reset": False}, {}, {"counterfactual": False, "printed_argmax": True, "double": False}),
+    ],
+)
+def test_tokens_that_are_made_once_give_the_same_loss_and_gradient(monkeypatch, context, network, config):
+    """Of made-up steps, some slots of which are empty."""
+    context = dataclasses.replace(CONTEXT, **context)
+    network = dataclasses.replace(NETWORK, context=context, **network)
+    config = dataclasses.replace(DQN, network=network, **config)
+    env, count, length = TaskEnv(PROBE, TASKS), 16, context.length + 1
+    rng, table, network = np.random.default_rng(0), env.table, QNetwork(network, 3)
+    seen = 3 if context.recompute else NETWORK.state_layers[0]
+    obs, next_obs = rng.normal(size=(2, count, 3)).astype(np.float32)
+    filled = np.arange(length) >= rng.integers(0, length, (count, 1))
+    action, row, letter = (rng.integers(0, most, count) for most in (3, table.num_rows, 4))
+    steps = Window(
+        rng.integers(0, 3, (count, length)),
+        rng.normal(size=(count, length)).astype(np.float32),
+        rng.normal(size=(count, length, seen)).astype(np.float32),
+        filled,
+    )
+    never = np.zeros(count, bool)
+    batch = Transition(obs, action, next_obs, row, Shared(letter, obs[:, 0], never), never, steps)
+    make = partial(network.init, jax.random.key(0), method="initialise")
+    params = jax.jit(make)(table, obs, without_oldest(steps))
+    target_params = jax.tree.map(lambda x: 0.9 * x, params)
+    embedding = network.apply(params, table, method="embed")
 
     def both():
         def loss(params):
             return dqn_loss(config, network, table, params, embedding, target_params, embedding, batch)[0]
 
-        return jax.jit(jax.value_and_grad(loss))(state.params)
+        return jax.jit(jax.value_and_grad(loss))(params)
 
     once = both()
-    with monkeypatch.context() as patched:
-        anew = Mock(side_effect=lambda *given: (without_newest(given[-1]), without_oldest(given[-1])))
-        patched.setattr(td_learning, "read_once", anew)
-        jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-7), once, both())
-    assert anew.called
+    anew = Mock(side_effect=lambda *given: (without_newest(given[-1]), without_oldest(given[-1])))
+    monkeypatch.setattr(td_learning, "read_once", anew)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-7), once, both())
+    assert anew.called and once[0] > 0
 
 
 @pytest.mark.parametrize("other", [{}, {"context": dataclasses.replace(CONTEXT, reader=GRU), "head": "concat"}])

@@ -79,7 +79,7 @@ def test_a_worker_that_lost_its_device_goes_on_where_it_left_off(tmp_path):
 def test_nothing_is_started_again_once_the_time_is_up_or_the_user_wants_to_stop(tmp_path, monkeypatch):
     words = [python("sys.exit(75)"), python("sys.exit(75)"), [], []]
     failed = launch.launch(lambda: words.pop(0), NOTHING, tmp_path / "logs", lambda: "", lambda: False, print)
-    assert not failed and not words  # they are out of time, as others that stop then
+    assert sorted(failed) == ["a", "b"] and not words
     failed, said = run(python("sys.exit(75)"), tmp_path, stopped=lambda: True)
     assert sorted(failed) == ["a", "b"] and not any("is started again" in line for line in said)
     failed, said = run(python("os.kill(os.getpid(), signal.SIGTERM)"), tmp_path)  # by somebody who wants it
@@ -97,16 +97,49 @@ def test_a_client_of_mps_is_started_again_when_the_others_of_its_gpu_have_ended(
     mps = {launch.MPS: "pipe"}
     environments = {name: {"NAME": name, launch.GPU: gpu, **mps} for name, gpu in (("a", "0"), ("b", "0"), ("c", "1"))}
     log = tmp_path / "told"
+    log.touch()
     text = f"""
-first = Path({str(tmp_path)!r}, os.environ['NAME']); known = first.exists(); first.touch()
-time.sleep({{'a': 0.0, 'b': 0.5, 'c': 1.5}}[os.environ['NAME']] * (not known))
-with open({str(log)!r}, 'a') as file: file.write(os.environ['NAME'])
-sys.exit(75 * (os.environ['NAME'] != 'c' and not known))
+name, log = os.environ['NAME'], Path({str(log)!r})
+first = Path({str(tmp_path)!r}, name); known = first.exists(); first.touch()
+while not known and len(log.read_text()) < {{'a': 0, 'b': 1, 'c': 4}}[name]: time.sleep(0.01)
+time.sleep(0.2 * (name == 'b' and not known))
+with log.open('a') as file: file.write(name)
+sys.exit(75 * (name != 'c' and not known))
 """
     failed, said = run(python(text), tmp_path, environments)
-    again = [line for line in said if "is started again" in line]
-    assert not failed and [line[0] for line in again] == ["a", "b"]
-    assert log.read_text()[:2] == "ab" and sorted(log.read_text()) == sorted("ababc") and log.read_text()[-1] == "c"
+    again = [line[0] for line in said if "is started again" in line]
+    assert not failed and sorted(again) == ["a", "b"]
+    assert log.read_text()[:2] == "ab" and sorted(log.read_text()[2:4]) == ["a", "b"] and log.read_text()[4:] == "c"
+    ended = [k for k, line in enumerate(said) if "b ended with exit code 75" in line]
+    assert min(k for k, line in enumerate(said) if "is started again" in line) > ended[0]
+
+
+def test_a_client_of_mps_that_hangs_is_not_waited_for_without_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(launch, "PATIENCE", 0.3)
+    monkeypatch.setenv(launch.MPS, "pipe")  # by the user's own service, too
+    second = tmp_path / "second"
+    text = f"""
+second, first = Path({str(second)!r}), Path({str(tmp_path)!r}, os.environ['NAME'])
+while os.environ['NAME'] == 'b' and not second.exists(): time.sleep(0.01)
+known = first.exists(); first.touch()
+if os.environ['NAME'] == 'a' and known: second.touch()
+sys.exit(75 * (os.environ['NAME'] == 'a' and not known))
+"""
+    failed, said = run(python(text), tmp_path, {name: {"NAME": name, launch.GPU: "0"} for name in "ab"})
+    assert not failed and sum("is started again" in line for line in said) == 1
+
+
+def test_a_client_of_mps_that_crashed_by_itself_is_started_again_at_once(tmp_path):
+    environments = {name: {"NAME": name, launch.GPU: "0", launch.MPS: "pipe"} for name in "ab"}
+    second = tmp_path / "second"
+    text = f"""
+second, first = Path({str(second)!r}), Path({str(tmp_path)!r}, os.environ['NAME'])
+while os.environ['NAME'] == 'b' and not second.exists(): time.sleep(0.01)
+known = first.exists(); first.touch()
+if os.environ['NAME'] == 'a': second.touch() if known else os.abort()
+"""
+    failed, _ = run(python(text), tmp_path, environments)
+    assert not failed and second.exists()
 
 
 def test_progress_is_said_when_it_changes(tmp_path):

@@ -195,7 +195,7 @@ def test_the_figures_say_what_was_searched_for(found):
     said = " ".join(settings.searched("zone").split())
     assert "it took another one than the usual for gnn (three times it), dfa (a third of it)" in said
     assert (
-        "with the orders at the rates that were taken. Other" in said
+        "is in the section linked as far as it is trained. Other" in said
         and "on seeds 100-103" in said
         and f"#{settings.SEARCH_ANCHOR}" in said
     )
@@ -203,7 +203,7 @@ def test_the_figures_say_what_was_searched_for(found):
     assert "none was searched for on this one" in " ".join(settings.searched("steps").split())
     found({"zone": {}, "water": {}})
     said = " ".join(settings.searched("water").split())
-    assert "the usual one is best for every method. Other settings" in said and "orders" not in said
+    assert "the usual one is best for every method. Other settings" in said and "section linked" not in said
 
 
 @pytest.fixture

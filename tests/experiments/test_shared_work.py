@@ -111,15 +111,40 @@ def test_a_process_whose_device_is_lost_leaves_the_other_runs_to_others(tmp_path
     given = runs, ["a", "b"], Scale("full", "1"), tmp_path, work.Deadline(1.0), NeverStop(), print
     with pytest.raises(work.LostDeviceError) as raised:
         work.do_all(*given)
-    marked = [path.name for path in tmp_path.glob(f"*{work.CROWDED}")]
-    assert not done and raised.value.failed == ["a"] and marked == ([] if alone else [f"a{work.CROWDED}"])
-    if not alone:
-        with pytest.raises(work.LostDeviceError):
-            work.do_all({"a": runs["a"]}, ["a"], *given[2:])  # as it is done once more, alone
+    assert not done and raised.value.failed == (["a"] if alone else [])
+    marks = {path.suffix for path in tmp_path.iterdir()} & {work.LOSS, work.CROWDED}
+    assert marks == (set() if alone else {work.LOSS})  # others may have caused it
+    with pytest.raises(work.LostDeviceError):
+        work.do_all(*given)
+    assert alone or (tmp_path / f"a{work.CROWDED}").exists()  # the second time it is suspected, and done alone
+    with pytest.raises(work.LostDeviceError):
+        work.do_all({"a": runs["a"]}, ["a"], *given[2:])
+
+
+def test_a_device_that_is_lost_between_two_runs_is_told_from_a_mistake(tmp_path, monkeypatch):
+    def is_done(*_):
+        raise jax.errors.JaxRuntimeError("INTERNAL: CUDA error")
+
+    monkeypatch.setattr(work, "is_done", is_done)
+    given = {"a": Run(None)}, ["a"], Scale("full", "1"), tmp_path, work.Deadline(1.0), NeverStop(), print
+    with pytest.raises(jax.errors.JaxRuntimeError):
+        work.do_all(*given)
+    monkeypatch.setattr(work, "devices_answer", lambda: False)
+    with pytest.raises(work.LostDeviceError):
+        work.do_all(*given)
+
+
+def test_a_device_whose_memory_is_full_answers(monkeypatch):
+    def full(*_):
+        raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory while trying to allocate 2097152 bytes.")
+
+    monkeypatch.setattr(work.jax, "device_put", full)
+    assert work.devices_answer()
 
 
 def test_a_client_of_mps_that_waits_for_others_sees_that_its_device_is_lost(tmp_path, monkeypatch):
     monkeypatch.setattr(work, "WAIT", 0.01)
+    monkeypatch.setattr(work, "LOOK", 0.02)
     monkeypatch.setattr(work, "devices_answer", lambda: False)
     runs = {"a": Run(None, measure=fake("a", []), evaluated=False)}
 

@@ -92,7 +92,8 @@ shaped rewards. {} Without the maps of ql's first search:"""
 
 OTHERWISE = """Width, head, learning rate and clipping of ql and ql_shaped are not the published ones (see below)."""
 
-CUT = """Both were trained with these too, nearly to the end: [below](#ql-in-the-published-form-as-far-as-it-went)."""
+CUT = """Both were trained in the published form too, nearly to the end:
+[below](#ql-in-the-published-form-as-far-as-it-went)."""
 
 LEAD = """A lead on why crm's single task is behind, and no explanation: the authors trained crm with three layers of
 512 too (crm1, one repeat), the width of ours. At their learning rate it ends the ten tasks at a score of {narrow:.3f}

@@ -52,7 +52,7 @@ def again_searched(world: str, usual: str = "All runs of this table") -> str:
     own = [f"{method} ({rates.WORDS[which]})" for method, which in rates.OWN_RATE[world].items()]
     found = (
         f"it took another one than the usual for {', '.join(own)}. {usual} have the usual one. What the "
-        "other is worth is in the section linked as far as it is trained, with the orders at the rates that were taken"
+        "other is worth, and what the orders are with it, is in the section linked as far as it is trained"
         if own
         else "the usual one is best for every method"
     )

@@ -43,9 +43,10 @@ of the printed values, every two of a world, though most of their printed spread
 is one number, of one seed alone on the device, so intervals and outcomes tell of the seeds' rewards alone and
 not of how that time would vary. It is taken over the frames of the column "timed",
 without the comparisons of parameters that a training makes on the way, and is the same for each frame of the whole
-training; pre-training is timed whole. The published RM of WaterWorld reads 6 numbers, ours 16. Outcomes are
-without compiling, which the published program has none of. Pre-training and training compile side by side in
-use; here their seconds are added."""
+training; pre-training is timed whole. The published RM of WaterWorld reads 6 numbers, ours 16, so that its
+outcomes are of another width than the published ones; rm-6 was not timed. Outcomes are without compiling,
+which the published program has none of. Pre-training and training compile side by side in use; here their
+seconds are added."""
 
 
 def unit_time(runs: Mapping[str, Stored]) -> str:
