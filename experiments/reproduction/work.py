@@ -123,13 +123,16 @@ class Progress:
         self._runs, self._scale, self._base = runs, scale, base
         self._open = needed(runs, names)
         self._total = len(self._open)
+        self._text = ""
 
     def __call__(self) -> str:
-        """Look again."""
+        """Look again; the same text as before where nothing more is done."""
         done = [name for name in self._open if is_done(self._runs[name], self._scale, self._base / name)]
-        self._open = [name for name in self._open if name not in done]
-        text = f"{self._total - len(self._open)} of {self._total} runs are done"
-        return f"{text}: {', '.join(done)}" if done else text
+        if done or not self._text:
+            self._open = [name for name in self._open if name not in done]
+            counts = f"{self._total - len(self._open)} of {self._total} runs are done"
+            self._text = f"{counts}: {', '.join(done)}" if done else counts
+        return self._text
 
 
 def is_done(run: Run, scale: Scale, folder: Path) -> bool:

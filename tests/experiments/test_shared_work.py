@@ -181,6 +181,20 @@ def test_nothing_is_evaluated_once_the_time_is_up(tmp_path, monkeypatch, minutes
     assert (ended, played) == (("complete", [600, 1000]) if minutes > 0 else (work.OUT_OF_TIME, []))
 
 
+def test_how_far_all_have_come_is_said_once_for_each_run_that_is_done(tmp_path):
+    runs = {name: Run(None, measure=fake(name, []), evaluated=False) for name in "ab"}
+    progress = work.Progress(runs, list(runs), Scale("full", "1"), tmp_path)
+    said = [progress(), progress()]
+    runs["b"].measure(tmp_path / "b")
+    said += [progress(), progress()]
+    runs["a"].measure(tmp_path / "a")
+    assert [*dict.fromkeys([*said, progress(), progress()])] == [
+        "0 of 2 runs are done",
+        "1 of 2 runs are done: b",
+        "2 of 2 runs are done: a",
+    ]
+
+
 def test_a_wish_to_stop_is_heard_between_runs(tmp_path):
     done, stop = [], SimpleNamespace(requested=False)
     first = fake("a", done)
