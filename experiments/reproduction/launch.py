@@ -134,7 +134,8 @@ def launch(
     def waits(name: str) -> bool:
         """Whether another client of MPS still uses its GPU: after an error it takes no new one until these are gone."""
         own = environments[name]
-        beside = MPS in (os.environ | dict(own)) and any(environments[one].get(GPU) == own.get(GPU) for one in working)
+        client = MPS in own or MPS in os.environ
+        beside = client and any(environments[other].get(GPU) == own.get(GPU) for other in working)
         return beside and time.monotonic() < lost[name] + PATIENCE
 
     with ExitStack() as stack:

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont, PngImagePlugin
 from experiments.paper import published_water, published_widths
 from experiments.paper.published_water import EPISODES, PHI_WATER
 from experiments.reproduction import runs as named
-from experiments.reproduction.sections import attention, benchmark, widths
+from experiments.reproduction.sections import attention, benchmark, ten_tasks, widths
 from experiments.reproduction.sections.figures import ZONE_LABELS, ZONE_PUBLISHED
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import returns_at
@@ -209,10 +209,10 @@ def _widths_of_zone(paper: Mapping[str, Stored]) -> list[Line]:
 
 
 def _benchmark(paper: Mapping[str, Stored]) -> list[Line]:
-    curves = benchmark.scores({name: paper[name] for name in benchmark.TEN if name in paper})
+    curves = ten_tasks.scores({name: paper[name] for name in ten_tasks.TEN if name in paper})
     return [
         Line(f"{label} ({len(of)} maps)", published_water.STEPS, np.array(list(of.values())), _COLOURS[label])
-        for label, of in ((benchmark.TEN[name], of) for name, of in curves.items())
+        for label, of in ((ten_tasks.TEN[name], of) for name, of in curves.items())
     ]
 
 
@@ -248,7 +248,7 @@ _SCORES = {name: means for name, (means, _) in published_water.SCORES.items()}
 
 _COLOURS = {
     label: k
-    for labels in (widths.WATER.values(), widths.ZONE.values(), benchmark.TEN.values())
+    for labels in (widths.WATER.values(), widths.ZONE.values(), ten_tasks.TEN.values())
     for k, label in enumerate(labels)
 }
 """The same for a curve and its published one, by the name that both have in the paper."""

@@ -8,7 +8,8 @@ import itertools
 import os
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -193,33 +194,16 @@ def do_all(
     Raises:
         LostDeviceError: once the device is lost; what is left is left to other processes, or to the same command later.
     """
-    failed: list[str] = []
-    try:
-        return _do_all(runs, names, scale, base, deadline, stop, say, failed)
-    except SHORT as error:
-        if devices_answer():
-            raise
-        raise LostDeviceError(failed) from error
-
-
-def _do_all(
-    runs: Mapping[str, Run],
-    names: Sequence[str],
-    scale: Scale,
-    base: Path,
-    deadline: Deadline,
-    stop: Stoppable,
-    say: Callable[[str], None],
-    failed: list[str],
-) -> list[str]:
-    """`do_all` while the device is there; `failed` holds what failed so far also if it is lost."""
     base.mkdir(parents=True, exist_ok=True)
     looked = time.monotonic()
+    failed: list[str] = []
     done: set[str] = set()
 
     def is_known_done(name: str) -> bool:
-        if name not in done and is_done(runs[name], scale, base / name):
-            done.add(name)
+        if name not in done:
+            with _loss_told(failed):  # whether it is done asks its environment
+                if is_done(runs[name], scale, base / name):
+                    done.add(name)
         return name in done
 
     open_runs = [name for name in in_order(runs, names) if not is_known_done(name)]
@@ -263,6 +247,17 @@ def _do_all(
                 if not devices_answer():  # what another client did ends this one too
                     raise LostDeviceError(failed)
     return failed + [name for name in open_runs if crowded(name) and not is_known_done(name)]
+
+
+@contextmanager
+def _loss_told(failed: Sequence[str]) -> Iterator[None]:
+    """Makes a `LostDeviceError` of what a call to a lost device fails with."""
+    try:
+        yield
+    except SHORT as error:
+        if devices_answer():
+            raise
+        raise LostDeviceError(failed) from error
 
 
 def devices_answer() -> bool:

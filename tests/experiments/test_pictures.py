@@ -6,7 +6,7 @@ from PIL import Image
 
 from experiments.paper import published_water
 from experiments.reproduction.pictures import BAND, drawn, pictures, say_above
-from experiments.reproduction.sections import benchmark, widths
+from experiments.reproduction.sections import ten_tasks, widths
 
 
 def ours_and_published(picture):
@@ -32,11 +32,11 @@ def test_the_benchmark_has_a_picture_of_its_ten_tasks(make):
     runs = {name: make(name, seeds=(1, 2), frames=200_000, **columns) for name in ("rm-ql", "rm-crm_shaped")}
     picture = pictures(runs, {name: make(f"safe-{name}") for name in ("t2tl", "t1tl")})["benchmark"]
     ours, published = ours_and_published(picture)
-    assert set(ours) == {"ql", "crm-rs"} and set(published) == set(benchmark.TEN.values())
+    assert set(ours) == {"ql", "crm-rs"} and set(published) == set(ten_tasks.TEN.values())
     assert all(published[name] == colour for name, colour in ours.items())
     for line in picture.lines[:2]:  # what the table shows
         assert line.values.shape == (2, len(published_water.STEPS)) and "(2 maps)" in line.label
-    np.testing.assert_allclose(picture.lines[0].values, list(benchmark.scores(runs)["rm-ql"].values()))
+    np.testing.assert_allclose(picture.lines[0].values, list(ten_tasks.scores(runs)["rm-ql"].values()))
 
 
 def test_nothing_is_drawn_of_runs_that_are_not_there(make):

@@ -11,7 +11,7 @@ from experiments import reproduce
 from experiments.reproduction import claims, rates, stored
 from experiments.reproduction.plan import Scale
 from experiments.reproduction.runs import RM_SEARCH_FRAMES, SEARCH_METHODS, ZONE_SEARCH_FRAMES, all_runs
-from experiments.reproduction.sections import benchmark, figures, safe, search, settings
+from experiments.reproduction.sections import figures, safe, search, settings, ten_tasks
 from t2tl_jax.errors import UserError
 from t2tl_jax.registry import make_env
 from t2tl_jax.runs import config_files, pretraining
@@ -89,7 +89,7 @@ def test_encoders_are_pretrained_on_the_seeds_of_the_search_as_for_the_main_runs
 
 
 def test_methods_of_a_world_share_a_rate_and_the_paper_s_figures_show_them(runs):
-    labels = {"zone": figures.ZONE_LABELS, "water": figures.WATER_LABELS, "safe": safe.LABELS, "rm": benchmark.TEN}
+    labels = {"zone": figures.ZONE_LABELS, "water": figures.WATER_LABELS, "safe": safe.LABELS, "rm": ten_tasks.TEN}
     for world, methods in SEARCH_METHODS.items():
         assert sorted(f"{world}-{method}" for method in methods) == sorted(labels[world])
         shared = {runs[f"{world}-{method}"].config.learner.learning_rate for method in methods}

@@ -5,7 +5,7 @@ import pytest
 
 from experiments.paper import published_water
 from experiments.reproduction import below, beside
-from experiments.reproduction.sections import benchmark, published_ql
+from experiments.reproduction.sections import benchmark, published_ql, ten_tasks
 from experiments.reproduction.stored import Stored
 from tests.made_up_runs import NEAR, outcome, rows
 
@@ -94,20 +94,20 @@ def test_the_benchmark_judges_counterfactual_learning_by_map(make):
         return make(name, seeds=(1, 2, 3, 4), frames=200_000, **columns)
 
     runs = {"rm-crm": ten("rm-crm", 0.8 + NEAR), "rm-ql": ten("rm-ql", 0.5 + NEAR)}
-    scores = benchmark.scores(runs)["rm-crm"]
+    scores = ten_tasks.scores(runs)["rm-crm"]
     assert list(scores) == [1, 2, 3, 4] and scores[1] == pytest.approx([0.8] * len(published_water.STEPS))
     text = benchmark.benchmark(runs)
     assert outcome(text, "rm-crm > rm-ql") == "reproduced"
     assert "ql-rs, published" in text and "Corrected for 6 comparisons, 1 of which" in text
     some = {seed: np.full(len(published_water.STEPS), 0.3 + off) for seed, off in enumerate((-0.05, 0.05, -0.05, 0.05))}
-    within, outside = benchmark.behind({"rm-ql": some, "rm-other": some}).splitlines()
+    within, outside = ten_tasks.behind({"rm-ql": some, "rm-other": some}).splitlines()
     assert within == f"{below.WITHIN}: rm-ql after 400,000 steps."  # 0.3 [0.21, 0.39] beside 0.33
     assert outside.startswith(f"{below.OUTSIDE}: rm-ql after 600,000 to ") and "other" not in outside
     [said] = [
-        line for line in benchmark.how_far_behind({"rm-ql": some, "rm-crm": some}).splitlines() if "below" in line
+        line for line in ten_tasks.how_far_behind({"rm-ql": some, "rm-crm": some}).splitlines() if "below" in line
     ]
     assert said.startswith("These means are below by: rm-ql 0.030 to 0.355. Width, head")
-    assert benchmark.how_far_behind({"rm-ql": {1: np.ones(len(published_water.STEPS))}}) == ""
+    assert ten_tasks.how_far_behind({"rm-ql": {1: np.ones(len(published_water.STEPS))}}) == ""
     assert "A lead on why" not in text
     runs["rm-single-ql"] = make("rm-single-ql")
     text = benchmark.benchmark(runs)
@@ -148,8 +148,8 @@ def test_ql_in_the_published_form_is_shown_as_far_as_it_went(request):
     heading, shown = rows(text)["ten tasks: normalised score"], rows(text)["rm-ql-published"]
     assert heading[-1] == "1,800 k" and len(shown) == len(heading) == len(published_water.STEPS) - 1
     runs = {name: Stored(results / "water_h200" / folder) for name, folder in published_ql.CUT.items()}
-    paper = {name: Stored(results / "paper" / name) for name in benchmark.TEN}
-    curves = np.array(list(benchmark.scores(paper | runs)["rm-ql-published"].values()))
+    paper = {name: Stored(results / "paper" / name) for name in ten_tasks.TEN}
+    curves = np.array(list(ten_tasks.scores(paper | runs)["rm-ql-published"].values()))
     assert np.isnan(curves[:, -1]).all() and shown[-1].startswith(f"{curves[:, -2].mean():.2f} [")
     gaps = curves.mean(axis=0)[:-1] - published_water.SCORES["ql"][0][:-1]
     assert f"rm-ql-published from {gaps.min():+.3f} to {gaps.max():+.3f}" in said

@@ -5,42 +5,20 @@ from typing import Any
 
 import numpy as np
 
-from experiments import tuning
 from experiments.paper import published_water
 from experiments.reproduction import below, score_bounds
 from experiments.reproduction.cells import cost_line, share, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import paragraph, table
-from experiments.reproduction.sections.settings import again_searched
+from experiments.reproduction.sections import ten_tasks
+from experiments.reproduction.sections.ten_tasks import FORM
 from experiments.reproduction.stored import Stored
-from t2tl_jax.evaluation.comparisons import Pairs
-from t2tl_jax.evaluation.scores import best_scores, normalised_scores
 from t2tl_jax.evaluation.statistics import Estimate, mean_rate
 
-TEN = {"rm-ql": "ql", "rm-crm": "crm", "rm-ql_shaped": "ql-rs", "rm-crm_shaped": "crm-rs"}
-"""Runs by the published names; rs is reward shaping."""
-
-SINGLE = {f"rm-single-{name.removeprefix('rm-')}": published for name, published in TEN.items()}
-
-TEN_CLAIMS = [("rm-crm", "rm-ql"), ("rm-crm_shaped", "rm-ql_shaped")]
-"""Learning every state's experience is better, as the paper of reward machines has it."""
-
-TEN_PAIRS = [
-    *TEN_CLAIMS,
-    ("rm-crm", "rm-crm_shaped"),
-    ("rm-ql", "rm-ql_shaped"),
-    ("rm-ql-published", "rm-ql"),
-    ("rm-ql_shaped-published", "rm-ql_shaped"),
-]
+SINGLE = {f"rm-single-{name.removeprefix('rm-')}": published for name, published in ten_tasks.TEN.items()}
 
 SLOW = "-slow"
 """Ending of the name of a run that has the published learning rate instead of ours."""
-
-FORM = "-published"
-"""The same of a run that has the published network and clipping too."""
-
-TEN_KINDS = TEN | {f"rm-ql{FORM}": "ql", f"rm-ql_shaped{FORM}": "ql-rs"}
-"""All runs of the ten tasks by the published ones that they stand beside."""
 
 SINGLE_KINDS = SINGLE | {f"rm-single-crm{ending}": "crm" for ending in (SLOW, FORM)}
 """All runs of the single task by the published ones that they stand beside."""
@@ -48,8 +26,8 @@ SINGLE_KINDS = SINGLE | {f"rm-single-crm{ending}": "crm" for ending in (SLOW, FO
 SINGLE_PAIRS = [
     *(
         (f"rm-single-{first.removeprefix('rm-')}", f"rm-single-{second.removeprefix('rm-')}")
-        for first, second in TEN_PAIRS
-        if {first, second} <= TEN.keys()
+        for first, second in ten_tasks.PAIRS
+        if {first, second} <= ten_tasks.TEN.keys()
     ),
     (f"rm-single-crm{SLOW}", "rm-single-crm"),
     (f"rm-single-crm{FORM}", "rm-single-crm"),
@@ -86,15 +64,6 @@ EVALUATED = """Evaluated after training, by the final parameters: {}. Not evalua
 runs. Those of ours that are stored without an evaluation are older than it, and their parameters were not kept. All
 other figures are of training episodes, with exploration."""
 
-SEARCHED = """Learning rates were first not searched for alike: ql's was chosen among four on maps {}, which are
-reported too; crm's was there before, and on which maps it was chosen is not recorded; neither was searched again for
-shaped rewards. {} Without the maps of ql's first search:"""
-
-OTHERWISE = """Width, head, learning rate and clipping of ql and ql_shaped are not the published ones (see below)."""
-
-CUT = """Both were trained in the published form too, nearly to the end:
-[below](#ql-in-the-published-form-as-far-as-it-went)."""
-
 LEAD = """A lead on why crm's single task is behind, and no explanation: the authors trained crm with three layers of
 512 too (crm1, one repeat), the width of ours. At their learning rate it ends the ten tasks at a score of {narrow:.3f}
 where their 1,024 end at {wide:.3f}, so that width alone costs {cost:.3f} there. Of the single task no such run is
@@ -121,64 +90,12 @@ NOTE = "Published: mean and standard deviation over maps 1 to 10 and two repeats
 
 def benchmark(runs: Mapping[str, Stored]) -> str:
     """Normalised score of the ten tasks and discounted return of the single one, with what is published of both."""
-    ten = {name: run for name, run in runs.items() if _is_ten(run)}
+    ten = {name: run for name, run in runs.items() if ten_tasks.is_one(run)}
     single = {name: run for name, run in runs.items() if name not in ten}
-    parts = [*_ten(ten), *_single(single), lead(ten, single)]
+    parts = [*ten_tasks.ten_tasks(ten), *_single(single), lead(ten, single)]
     parts += [overvalued(runs), settings(runs), NOTE]
     parts += [*evaluated(runs), cost_line(runs)]
     return "\n\n".join(part for part in parts if part) if runs else ""
-
-
-def _is_ten(run: Stored) -> bool:
-    """Whether it learned the ten tasks, whose scores are recorded."""
-    return "best_score_10" in run.columns
-
-
-def _ten(runs: Mapping[str, Stored]) -> list[str]:
-    if not runs:
-        return []
-    marks, curves = published_water.STEPS, scores(runs)
-    rows = [[name, *(text(at.tolist(), 2) for at in np.transpose(list(of.values())))] for name, of in curves.items()]
-    for published in TEN.values():
-        each = zip(*published_water.SCORES[published], strict=True)
-        rows.append([f"{published}, published", *(f"{mean:.2f} ± {deviation:.2f}" for mean, deviation in each)])
-    return [
-        table(["ten tasks: normalised score", *_thousands(marks)], rows),
-        behind(curves),
-        how_far_behind(curves),
-        ten_order(runs, TEN_PAIRS, TEN_CLAIMS),
-        _on_other_maps(runs, _means(curves)),
-    ]
-
-
-def _on_other_maps(runs: Mapping[str, Stored], means: Mapping[str, Mapping[int, float]]) -> str:
-    """The same on the maps that no search is known to have had, since ql's learning rate was chosen on some of them."""
-    searched = tuning.TUNED["rm_water_ql"].seeds
-    others = {name: {seed: of[seed] for seed in of if seed not in searched} for name, of in means.items()}
-    found = differences(runs, TEN_PAIRS, others, "the same, on maps without ql's search", TEN_CLAIMS)
-    said = paragraph(
-        SEARCHED.format(tuning.in_words(searched), again_searched("rm", "All runs whose names have no ending"))
-    )
-    return f"{said}\n\n{found}" if found else ""
-
-
-def scores(runs: Mapping[str, Stored]) -> dict[str, dict[int, np.ndarray]]:
-    """Normalised score at the published steps, ``float[steps]`` by run and map; NaN after the end of a training.
-
-    The best episode of any method, published or here, counts as 1. Maps without published scores are left out.
-    """
-    best = {number: 1.0 / np.array(steps) for number, steps in published_water.BEST_STEPS.items()}
-    for run in runs.values():
-        for seed, own in best_scores(run.columns, 10).items():
-            if seed in best:
-                best[seed] = np.maximum(best[seed], own)
-    found: dict[str, dict[int, np.ndarray]] = {name: {} for name in runs}
-    for name, run in runs.items():
-        for seed in run.seeds:
-            if seed in best:
-                steps, curve = normalised_scores(run.columns, seed, best[seed])
-                found[name][seed] = np.interp(published_water.STEPS, steps, curve, right=np.nan)
-    return {name: curves for name, curves in found.items() if curves}
 
 
 def overvalued(runs: Mapping[str, Stored]) -> str:
@@ -216,7 +133,7 @@ def settings(runs: Mapping[str, Stored]) -> str:
         each.append((how, name))
     same = {how: [name for what, name in each if what == how] for how, _ in each}
     ours = [f"{', '.join(names)}: {how}." for how, names in same.items()]
-    return "\n".join([*ours, PUBLISHED_SETTINGS] if {*TEN_KINDS, *SINGLE_KINDS} & {*runs} else ours)
+    return "\n".join([*ours, PUBLISHED_SETTINGS] if {*ten_tasks.KINDS, *SINGLE_KINDS} & {*runs} else ours)
 
 
 def evaluated(runs: Mapping[str, Stored]) -> list[str]:
@@ -239,47 +156,12 @@ def evaluated(runs: Mapping[str, Stored]) -> list[str]:
     return [table(heading, rows), paragraph(said)]
 
 
-def behind(curves: Mapping[str, Mapping[int, np.ndarray]]) -> str:
-    """Where a mean of `scores` is below the published one, and whether that lies in its interval; '' for nowhere."""
-    return below.listed(
-        {
-            name: below.marks(np.array(list(curves[name].values())), published_water.STEPS, *means[:1])
-            for name, means in ((name, published_water.SCORES[published]) for name, published in TEN_KINDS.items())
-            if name in curves
-        },
-        "after {} steps",
-    )
-
-
-def ten_order(runs: Mapping[str, Stored], pairs: Pairs, claims: Pairs = ()) -> str:
-    """Differences between runs of the ten tasks by the mean of their scores at the published steps."""
-    runs = {name: run for name, run in runs.items() if _is_ten(run)}
-    return differences(runs, pairs, _means(scores(runs)), "mean normalised score at these steps", claims)
-
-
-def _means(curves: Mapping[str, Mapping[int, np.ndarray]]) -> dict[str, dict[int, float]]:
-    return {name: {seed: float(curve.mean()) for seed, curve in of.items()} for name, of in curves.items()}
-
-
-def how_far_behind(curves: Mapping[str, Mapping[int, np.ndarray]]) -> str:
-    """By how much the means of ql are below the published ones at these steps, from the least to the most."""
-    each = []
-    for name, published in TEN_KINDS.items():
-        if name in curves and "ql" in name:
-            gaps = np.array(published_water.SCORES[published][0]) - np.mean(list(curves[name].values()), axis=0)
-            under = gaps[gaps > 0]
-            each += [f"{name} {under.min():.3f} to {under.max():.3f}"] if under.size else []
-    whole = {f"rm-{kind}{FORM}" for kind in ("ql", "ql_shaped")} <= curves.keys()
-    said = f"{OTHERWISE} {'' if whole else CUT}"
-    return f"These means are below by: {'; '.join(each)}. {' '.join(said.split())}" if each else ""
-
-
 def lead(ten: Mapping[str, Stored], single: Mapping[str, Stored]) -> str:
     """What the authors' narrower crm says of ours on the single task; '' without that."""
     if "rm-single-crm" not in single:
         return ""
     wide, narrow = published_water.SCORES["crm"][0][-1], published_water.NARROW_CRM[0][-1]
-    curves = scores(ten).get("rm-crm", {})
+    curves = ten_tasks.scores(ten).get("rm-crm", {})
     end = float(np.mean([curve[-1] for curve in curves.values()])) if curves else np.nan
     ours = AS_WIDE.format(end) if end > wide else ""
     return paragraph(LEAD.format(narrow=narrow, wide=wide, cost=wide - narrow, ours=ours))
@@ -302,7 +184,7 @@ def _single(runs: Mapping[str, Stored]) -> list[str]:
     ]
     heading = [
         "single task: discounted return",
-        *_thousands(marks),
+        *ten_tasks.thousands(marks),
         "over training",
         "carried out",
         "wrong touch, paid or not",
@@ -343,7 +225,7 @@ def scored(runs: Mapping[str, Stored]) -> str:
     for published in SINGLE.values():
         every = zip(*published_water.SINGLE_SCORES[published], strict=True)
         rows.append((f"{published}, published", *(f"{mean:.2f} ± {deviation:.2f}" for mean, deviation in every)))
-    heading = ["single task: normalised score", *_thousands(marks)]
+    heading = ["single task: normalised score", *ten_tasks.thousands(marks)]
     listed = below.listed(found, "after {} steps")
     return "\n\n".join(part for part in (SCORE_NOTE, table(heading, rows), listed) if part)
 
@@ -370,7 +252,7 @@ def rewarded(runs: Mapping[str, Stored]) -> str:
         for name, of in shares.items()
     }
     unknown = [name for name in runs if name not in known]
-    parts = [table(["episodes that pay 1", *_thousands(marks)], rows), below.listed(found, "after {} steps")]
+    parts = [table(["episodes that pay 1", *ten_tasks.thousands(marks)], rows), below.listed(found, "after {} steps")]
     ended = {name: of[:, -1] for name, of in shares.items() if np.isfinite(of[:, -1]).all()}
     by_map = [f"{name}: {', '.join(f'{share:.2f}' for share in last)}." for name, last in ended.items()]
     parts += ["\n".join(["By map, after the last of these steps:", *by_map])] if by_map else []
@@ -399,7 +281,3 @@ def recent(run: Stored, marks: Sequence[int], metric: str | np.ndarray) -> np.nd
             if count[last] > count[first]:
                 values[seed, column] = (total[seed, last] - total[seed, first]) / (count[last] - count[first])
     return values
-
-
-def _thousands(steps: Sequence[int]) -> list[str]:
-    return [f"{step // 1000:,} k" for step in steps]

@@ -41,19 +41,12 @@ def moved(runs: Mapping[str, Stored], published: float) -> str:
     pairs = [(below[seed], above[seed]) for seed in both]
     rows = [_row(name, of) for name, of in zip(VALUES, zip(*pairs, strict=True), strict=True)]
     kept = {seed.seed: seed for seed in begun(runs[KEPT])} if KEPT in runs else {}
+    known, departs = WITHOUT_KEPT, ""
     if kept.keys() >= set(both):
         rows.insert(1, _row(KEPT, tuple(kept[seed] for seed in both)))
-        known, departs = (
-            WITH_KEPT,
-            _departs(
-                {
-                    name: [(of[seed], kept[seed]) for seed in both]
-                    for name, of in zip(VALUES, (below, above), strict=True)
-                }
-            ),
-        )
-    else:
-        known, departs = WITHOUT_KEPT, ""
+        changed = dict(zip(VALUES, (below, above), strict=True))
+        known = WITH_KEPT
+        departs = _departs({name: [(of[seed], kept[seed]) for seed in both] for name, of in changed.items()})
     heading = (
         *("run", "seeds", "begin below 0", "solved", "return at the end"),
         "frames until the noise is at its limit, median",

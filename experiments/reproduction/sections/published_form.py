@@ -4,7 +4,8 @@ from pathlib import Path
 
 from experiments.paper import published_water
 from experiments.reproduction.page import made_by, paragraph
-from experiments.reproduction.sections.benchmark import FORM, greatest_scores, recent
+from experiments.reproduction.sections.benchmark import greatest_scores, recent
+from experiments.reproduction.sections.ten_tasks import FORM
 from experiments.reproduction.stored import Stored
 
 CUT = "rm_single_crm_published_cut"

@@ -11,7 +11,7 @@ from experiments.reproduction.cells import cost_line, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import paragraph, table
 from experiments.reproduction.runs import SEARCH_METHODS as WORLDS
-from experiments.reproduction.sections import benchmark, figures, safe
+from experiments.reproduction.sections import figures, safe, ten_tasks
 from experiments.reproduction.stored import LAST, Stored
 from experiments.reproduction.tables import methods
 from experiments.sweeps.search import worth
@@ -30,13 +30,13 @@ CLAIMS: dict[str, Pairs] = {
     "zone": figures.ZONE_CLAIMS,
     "water": figures.WATER_CLAIMS,
     "safe": safe.PAIRS,
-    "rm": benchmark.TEN_CLAIMS,
+    "rm": ten_tasks.CLAIMS,
 }
 ORDERS = {
     "zone": figures.zone_order,
     "water": figures.water_order,
     "safe": safe.safe_order,
-    "rm": benchmark.ten_order,
+    "rm": ten_tasks.order,
 }
 CLAIMED = {
     "zone": "The orderings that the paper claims",
