@@ -208,6 +208,25 @@ def shared_tokens(seeds: int) -> tuple[Form, Form]:
     return before, _iteration(config)
 
 
+def token_parts(seeds: int) -> tuple[Form, Form]:
+    """An iteration of double DQN with context that puts what a token is made of side by side, and one that does not."""
+    import jax.numpy as jnp
+    from flax import linen as nn
+
+    from experiments.benchmarks.trainings import training
+    from t2tl_jax.networks import context
+
+    class Concatenated(nn.Dense):
+        def __call__(self, parts: Any) -> Any:
+            size = jnp.broadcast_shapes(*(part.shape[:-1] for part in parts))
+            return super().__call__(jnp.concatenate([jnp.broadcast_to(x, (*size, x.shape[-1])) for x in parts], -1))
+
+    config = replace(training("waterworld_dqn:t2tl"), seeds=str(seeds))
+    with patch.object(context, "DenseOfParts", Concatenated):
+        before = _iteration(config)
+    return before, _iteration(config)
+
+
 def guard(text: str, seeds: int) -> tuple[Form, Form]:
     """An iteration that freezes seeds whose numbers are not finite, and one that does not: what that costs.
 
@@ -268,12 +287,14 @@ STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "next_values": next_values,
     "next_state": next_state,
     "shared_tokens": partial(shared_tokens, 1),
+    "token_parts": partial(token_parts, 1),
     "guard": partial(guard, "zone_ppo:t1tl:closed_form", 1),
 }
 """Both forms of each step, the slow one first."""
 
 FOR_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "shared_tokens_12": partial(shared_tokens, 12),
+    "token_parts_12": partial(token_parts, 12),
     "guard_12": partial(guard, "zone_ppo:t1tl:closed_form", 12),
     "guard_mjx": partial(guard, "zone_ppo_long:t1tl", 12),
     "guard_t2tl": partial(guard, "zone_ppo_long:t2tl", 12),

@@ -24,6 +24,8 @@ STEPS = {
     "next_state": "DQN: no gradient through s' (a gradient step of T1TL; predicted by the compiler's count)",
     "shared_tokens": "tokens of the windows at s' that those at s hold too, made once (an iteration of T2TL by DQN)",
     "shared_tokens_12": "the same with twelve seeds",
+    "token_parts": "what tokens are made of no longer put side by side (an iteration of T2TL by DQN)",
+    "token_parts_12": "the same with twelve seeds",
     "guard": "no gain but a price: with seeds frozen that are not finite, against without (an iteration, closed form)",
     "guard_12": "the price of freezing seeds that are not finite, with twelve seeds (an iteration, closed form)",
     "guard_mjx": "the price of freezing, T1TL by the long schedule, twelve seeds (an iteration, MJX)",

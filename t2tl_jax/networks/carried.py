@@ -15,6 +15,7 @@ from flax import linen as nn
 
 from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.initializers import unit_norm
+from t2tl_jax.networks.parts import DenseOfParts
 from t2tl_jax.networks.windows import Carried, Segment, empty_where, token_parts
 
 
@@ -28,7 +29,7 @@ class CarriedEncoder(nn.Module):
     def setup(self) -> None:
         """Name the parts; parameters live under these names in checkpoints."""
         reader = self.config.reader
-        self.token = nn.Dense(reader.width, kernel_init=unit_norm())
+        self.token = DenseOfParts(reader.width, kernel_init=unit_norm())
         self.cell = nn.GRUCell(reader.width)
         self.output = nn.Dense(reader.output, kernel_init=unit_norm())
 

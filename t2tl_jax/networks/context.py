@@ -10,6 +10,7 @@ instead of tokens, and every token is made K times.
 With `carried=True` a policy carries a GRU's state instead, through the whole episode: see `carried.py`.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -18,6 +19,7 @@ from flax import linen as nn
 
 from t2tl_jax.networks.context_config import ContextConfig
 from t2tl_jax.networks.initializers import t_fixup_embedding, unit_norm
+from t2tl_jax.networks.parts import DenseOfParts
 from t2tl_jax.networks.transformer import TransformerConfig, TransformerEncoder
 from t2tl_jax.networks.windows import (
     Carried,
@@ -50,7 +52,7 @@ class ContextEncoder(nn.Module):
         if isinstance(flags, TransformerConfig) and flags.t_fixup:
             # T-Fixup's factors use the sizes before halving, as published.
             init, layers = t_fixup_embedding(flags.width, flags.layers), flags.layers
-        self.token = nn.Dense(config.width, kernel_init=init)
+        self.token = DenseOfParts(config.width, kernel_init=init)
         self.encoder = (
             TransformerEncoder(config, t_fixup_layers=layers)
             if isinstance(config, TransformerConfig)
@@ -66,8 +68,8 @@ class ContextEncoder(nn.Module):
 
     def tokens(self, window: Window, embedding: jax.Array) -> Tokens:
         """Those of a window, from its [..., K] slots and the embedding [..., K, E] of what was seen in them."""
-        slots = token_parts(window.action, window.reward, embedding, self.num_actions)
-        return Tokens(self.token(slots), window.valid, self.empty(slots))
+        parts = token_parts(window.action, window.reward, embedding, self.num_actions)
+        return Tokens(self.token(parts), window.valid, self.empty(parts))
 
     def of_tokens(self, made: Tokens) -> jax.Array:
         """Tokens of [..., K] slots -> [..., output], as for the window that they are of."""
@@ -83,13 +85,13 @@ class ContextEncoder(nn.Module):
             jnp.concatenate(parts, axis)
             for parts in ((start.action, segment.action), (start.reward, segment.reward), (before, during))
         )
-        slots = token_parts(action, reward, embedding, self.num_actions)
-        tokens = stack_windows(self.token(slots), axis, steps, after)
-        return self.read(tokens, self.empty(slots), valid_in_windows(segment, self.config.reset, after))
+        parts = token_parts(action, reward, embedding, self.num_actions)
+        tokens = stack_windows(self.token(parts), axis, steps, after)
+        return self.read(tokens, self.empty(parts), valid_in_windows(segment, self.config.reset, after))
 
-    def empty(self, slots: jax.Array) -> jax.Array:
+    def empty(self, parts: Sequence[jax.Array]) -> jax.Array:
         """The token of an empty slot, [width]: that of zeros."""
-        return self.token(jnp.zeros_like(slots, shape=slots.shape[-1:]))
+        return self.token([jnp.zeros_like(part, shape=part.shape[-1:]) for part in parts])
 
     def read(self, tokens: jax.Array, empty: jax.Array, valid: jax.Array) -> jax.Array:
         """tokens [..., K, width], valid bool[..., K] (elsewhere stands the token `empty` [width]) -> [..., output]."""

@@ -112,14 +112,16 @@ def empty_where(carry: T, ended: jax.Array) -> T:
     return jax.tree.map(clear, carry)
 
 
-def token_parts(action: jax.Array, reward: jax.Array, seen: jax.Array, num_actions: int | None) -> jax.Array:
-    """Side by side what a token is made of: action [..., A] or int32[...], reward [...], seen [..., E]; or what the
-    tokens of n objects are made of, of which [..., n, E] was seen."""
+def token_parts(
+    action: jax.Array, reward: jax.Array, seen: jax.Array, num_actions: int | None
+) -> tuple[jax.Array, jax.Array]:
+    """What a token is made of, for `DenseOfParts`: what was done and what it led to, [..., A + 1], and what was seen.
+
+    action [..., A] or int32[...], reward [...], seen [..., E]; or [..., n, E] of n objects, which have a token each.
+    """
     action = action if num_actions is None else jax.nn.one_hot(action, num_actions)
     done = jnp.concatenate([action, reward[..., None]], axis=-1)
-    if seen.ndim > done.ndim:
-        done = jnp.broadcast_to(done[..., None, :], (*seen.shape[:-1], done.shape[-1]))
-    return jnp.concatenate([done, seen], axis=-1)
+    return done if seen.ndim == done.ndim else done[..., None, :], seen
 
 
 def stack_windows(slots: jax.Array, axis: int, steps: int, after: bool) -> jax.Array:
