@@ -51,10 +51,6 @@ THEN, NOW = Steps(frames=16, transitions=512, rate=173_000), Steps(frames=128, t
 
 DQN_AIM = 300_000
 
-T2TL_DQN = """The aim names no method. T2TL is below it: nearly all of an iteration is the update, in which the
-context's Transformer reads the windows of every transition at s and at s'. The tokens that both windows share are made
-once since then, which was not measured on a GPU yet. To have fewer windows was not tried."""
-
 AIMS = (
     *(
         Aim(what, TWELVE, least=rate, devices=on)
@@ -221,18 +217,17 @@ def _lines(aim: Aim, rows: list[measured.Row], begun: list[Starts]) -> Iterator[
 
 def _dqn(found: Mapping[Key, Sequence[measured.Row]]) -> list[str]:
     """What the aim of DQN compares with: it was set before the configuration made fewer gradient steps."""
-    t1tl, t2tl = (found.get((H200, f"waterworld_dqn:{method}", TWELVE), []) for method in ("t1tl", "t2tl"))
+    t1tl = found.get((H200, "waterworld_dqn:t1tl", TWELVE), [])
     if not t1tl:
         return []
     rate = t1tl[-1].rate
-    other = f" {' '.join(T2TL_DQN.split())}" if t2tl and t2tl[-1].rate < DQN_AIM else ""
     return [
         f"The aim of DQN was set when `waterworld_dqn` made a gradient step of {THEN.transitions} transitions for each "
         f"{THEN.frames} frames, and {THEN.rate:,} frames/s with a one-hot code on a GPU that was shared. Now it makes "
         f"one of {NOW.transitions:,} for each {NOW.frames} frames, an eighth of the steps: "
         f"{measured.three_digits(rate)} frames/s are {measured.three_digits(rate / NOW.frames)} gradient steps/s, of "
         f"twice as many transitions as the {measured.three_digits(THEN.rate / THEN.frames)} of then. So it is the "
-        f"change of the configuration that reaches the aim; what those of then would make was not measured.{other}"
+        f"change of the configuration that reaches the aim; what those of then would make was not measured."
     ]
 
 

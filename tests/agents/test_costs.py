@@ -129,9 +129,9 @@ TARGET = 7
     ("learner", "context", "most", "products"),
     [
         pytest.param(ppo, None, 3_300, 74, id="ppo_t1tl"),
-        pytest.param(ppo, ContextConfig(), 5_700, 142, id="ppo_t2tl"),
+        pytest.param(ppo, ContextConfig(), 5_700, 152, id="ppo_t2tl"),
         pytest.param(dqn, None, 3_200, 68 + TARGET, id="dqn_t1tl"),
-        pytest.param(dqn, ContextConfig(), 5_400, 126 + TARGET, id="dqn_t2tl"),
+        pytest.param(dqn, ContextConfig(), 5_400, 136 + TARGET, id="dqn_t2tl"),
     ],
 )
 def test_operations_of_an_iteration(learner, context, most, products):

@@ -134,6 +134,14 @@ def test_every_part_is_timed(tmp_path, capsys, monkeypatch):
     assert "## training" in shown and "| whole run |" in shown and "## The table of the README" in shown
 
 
+def test_the_table_of_the_readme_needs_what_is_stored(tmp_path, monkeypatch):
+    """Without the runs of its rows, such as where only the package is installed, a benchmark prints the rest."""
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "benchmark_mine.json").write_text("{}", encoding="utf-8")
+    monkeypatch.setattr(benchmark, "__file__", str(tmp_path / "experiments" / "benchmark.py"))
+    assert benchmark._of_the_readme({}, []) == ""
+
+
 def test_rollout_and_update_share_the_time_of_an_iteration():
     row = measured.Row("training", "x", "1 seed", "frames/s", 3e6, 3e6, 3e6, acting_share=0.75)
     assert "| 4,000,000 frames/s (75%) | 12,000,000 frames/s (25%) |" in measured.table([row])
