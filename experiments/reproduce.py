@@ -47,7 +47,8 @@ class Arguments:
     """How many processes share the runs, for each GPU or, without a GPU, in all; 0 trains one run after another in this
     process, on all GPUs. Small runs leave most of a GPU idle, so several processes get more done than one."""
     minutes: float = float("inf")
-    """Stop after this many minutes and keep everything; give the same command again to continue."""
+    """Stop this many minutes after the command began, and keep everything: what is trained ends its iteration and is
+    written, which takes some seconds more. Give the same command again to continue."""
     folder: Path = Path("runs/reproduction")
     """Where the runs are kept, in a folder for each scale."""
     report: bool = False
@@ -68,6 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(texts: Sequence[str]) -> int:
+    began = time.monotonic()
     arguments = parse(Arguments, list(texts), prog="python -m experiments.reproduce", description=Arguments.__doc__)
     with quiet_imports():
         import jax
@@ -121,6 +123,7 @@ def _main(texts: Sequence[str]) -> int:
     if arguments.scale == "smoke":
         jax.config.update("jax_disable_most_optimizations", True)  # nearly all of its time is compiling
     scale, base = Scale(arguments.scale, arguments.seeds), arguments.folder / arguments.scale
+    minutes_left = arguments.minutes - (time.monotonic() - began) / 60  # a start with a GPU takes some of them
     anew = not any(base.glob("*/status.json"))
     failed: list[str] = []
     if not arguments.keep and arguments.scale == "full":
@@ -135,14 +138,14 @@ def _main(texts: Sequence[str]) -> int:
         options = [text for name in SHARED for text in (f"--{name}", str(getattr(arguments, name)))]
         with StopRequest("stopping all workers after their iteration") as stop:
             failed = launch.launch_workers(
-                arguments.workers, options, arguments.minutes, base / "workers", progress, stop
+                arguments.workers, options, minutes_left, base / "workers", progress, stop
             )
     else:
         compilation_cache.use(RunConfig().compilation_cache)
         cpu_devices.use()
         with StopRequest() as stop:
             try:
-                failed = work.do_all(runs, names, scale, base, work.Deadline(arguments.minutes), stop)
+                failed = work.do_all(runs, names, scale, base, work.Deadline(minutes_left), stop)
             except work.LostDeviceError as error:
                 # At once: what comes below builds environments on the device, and other clients of MPS wait.
                 print(f"{error}, so that this process ends; give the same command again to continue", file=sys.stderr)

@@ -1,6 +1,7 @@
 """The reproduction: what it plans, which of its runs are done and kept, and the page that is written from them."""
 
 import dataclasses
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -219,6 +220,16 @@ def test_a_lost_device_has_an_exit_code_of_its_own(tmp_path, monkeypatch, capsys
     said = capsys.readouterr()
     assert "the device answers no more, so that this process ends; give the same command" in said.err
     assert said.out == "failed: a\n"
+
+
+def test_minutes_count_from_when_the_command_began(tmp_path, monkeypatch):
+    """So that it ends in time where what comes before the training takes long, such as a start with a GPU."""
+    ends = []
+    (tmp_path / "full").mkdir()
+    monkeypatch.setattr(work, "do_all", lambda *given: ends.append(given[4].at) or [])
+    began = time.monotonic()
+    assert reproduce.main(["--only", "representations", "--folder", str(tmp_path), "--minutes", "1"]) == 0
+    assert 60 <= ends[0] - began < 60.2
 
 
 @pytest.mark.slow
