@@ -137,9 +137,7 @@ def _main(texts: Sequence[str]) -> int:
         progress = work.Progress(runs, names, scale, base)
         options = [text for name in SHARED for text in (f"--{name}", str(getattr(arguments, name)))]
         with StopRequest("stopping all workers after their iteration") as stop:
-            failed = launch.launch_workers(
-                arguments.workers, options, minutes_left, base / "workers", progress, stop
-            )
+            failed = launch.launch_workers(arguments.workers, options, minutes_left, base / "workers", progress, stop)
     else:
         compilation_cache.use(RunConfig().compilation_cache)
         cpu_devices.use()
