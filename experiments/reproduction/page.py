@@ -44,6 +44,7 @@ def page(
     pictures: Mapping[str, str] | None = None,
     terms: str = TERMS,
     summary: Callable[[Mapping[str, str]], str] | None = None,
+    remark: Callable[[Mapping[str, Stored]], str] | None = None,
 ) -> str:
     """All items, those that are not measured with what is missing.
 
@@ -55,6 +56,7 @@ def page(
         pictures: by the name of an item, the line that shows its picture.
         terms: what words and brackets mean.
         summary: of all sections, by item: what stands before them.
+        remark: of the runs of an item: what else there is to say of them.
     """
     parts, sections = [], {}
     for name, item in items.items():
@@ -66,7 +68,8 @@ def page(
         section = item.section(there) if there or not item.runs else ""
         sections[name] = section
         if section:
-            parts += [fitting(section), (pictures or {}).get(name, ""), made_by(list(there.values()))]
+            said = remark(there) if remark else ""
+            parts += [fitting(section), (pictures or {}).get(name, ""), said, made_by(list(there.values()))]
         if missing:
             parts.append(paragraph(f"Not measured yet: {named(missing)}."))
     before = [head, SMOKE if smoke else "", terms, summary(sections) if summary else ""]

@@ -33,6 +33,10 @@ OWN_RATE: Mapping[str, Mapping[str, str]] = {
 stored."""
 
 
+SEARCH = "search-"
+"""What the names of the runs of the search begin with."""
+
+
 def scaled(learning_rate: float, which: str) -> float:
     """One of `RATES` times a learning rate, to three digits."""
     return float(f"{RATES[which] * learning_rate:.3g}")
@@ -40,7 +44,7 @@ def scaled(learning_rate: float, which: str) -> float:
 
 def search_name(world: str, method: str, which: str) -> str:
     """Name of the run that tries one of `RATES` for a method."""
-    return f"search-{world}-{method}-{which}"
+    return f"{SEARCH}{world}-{method}-{which}"
 
 
 def own_name(name: str) -> str:

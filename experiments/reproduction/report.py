@@ -5,7 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.paper.published_curves import ZONE_CURVES
-from experiments.reproduction import arithmetic, beside, profiles, room, speed, stored, survival, typed, whole_paper
+from experiments.reproduction import (
+    arithmetic,
+    beside,
+    budgets,
+    profiles,
+    room,
+    speed,
+    stored,
+    survival,
+    typed,
+    whole_paper,
+)
 from experiments.reproduction.aims import aims
 from experiments.reproduction.anytask.items import ANY_ITEMS
 from experiments.reproduction.anytask.picture import EpisodesPicture, of_runs
@@ -82,7 +93,7 @@ def documentation(root: Path) -> Documentation:
     for_any = stored.load(results / "any")
     shown = drawings(paper, short, for_any)
     lines = shown_by(shown)
-    items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines, summary=tally)
+    items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines, summary=tally, remark=budgets.said)
     whole = f"{items}\n{beside.measurements(results, lines)}"
     parts = {
         "README.md": {

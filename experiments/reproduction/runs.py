@@ -25,6 +25,9 @@ ZONE_SEARCH_FRAMES, RM_SEARCH_FRAMES = 3_000_000, 400_000
 """Of a search on `phi_zone`, as many as `zone_ppo` has, and of one in the reward-machine benchmark, where each step is
 an update. The others have all."""
 
+ALONE_END = "-alone"
+"""Ending of the names of runs of one seed that has the device to itself, for its time."""
+
 ZONE_METHODS = ("t2tl", "t1tl", "gnn", "dfa", "dfa_number", "dfa_cont")
 """Under PPO rm is dfa: there is no other state to learn from."""
 
@@ -130,7 +133,7 @@ def _zone(runs: dict[str, Run]) -> dict[str, Run]:
         before = pretraining_run(new, "zone", config)
         new[f"zone-{method}"] = Run(config, before)
         alone = None if before is None else _alone(new, before)
-        new[f"zone-{method}-alone"] = _timed(config, alone)
+        new[f"zone-{method}{ALONE_END}"] = _timed(config, alone)
     return new
 
 
@@ -175,7 +178,7 @@ def _water(runs: dict[str, Run]) -> dict[str, Run]:
         before = pretraining_run(new, "water", config)
         new[f"water-{method}"] = new[again_name(f"water-{method}")] = Run(config, before)
         alone = None if before is None else _alone(new, before)
-        new[f"water-{method}-alone"] = _timed(config, alone)
+        new[f"water-{method}{ALONE_END}"] = _timed(config, alone)
     return new
 
 
@@ -289,7 +292,7 @@ def _search(world: str, methods: Mapping[str, Config]) -> dict[str, Run]:
     these seeds. Nobody plays what they come to, so parameters are not compared on the way."""
     new: dict[str, Run] = {}
     for method, config in methods.items():
-        before = pretraining_run(new, f"search-{world}", config)
+        before = pretraining_run(new, f"{rates.SEARCH}{world}", config)
         config = replace(config, selection=SelectionConfig(points=0))
         for which in rates.RATES:
             new[rates.search_name(world, method, which)] = Run(with_rate(config, which), before, evaluated=False)
@@ -315,6 +318,6 @@ def _timed(config: Config, before: str | None) -> Run:
 
 def _alone(new: dict[str, Run], before: str) -> str:
     """The same pre-training for the one seed whose time is taken."""
-    name = f"{before}-alone"
+    name = f"{before}{ALONE_END}"
     new.setdefault(name, replace(new[before], seeds=ALONE, alone=True))
     return name

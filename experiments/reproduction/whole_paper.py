@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 
-from experiments.reproduction import rates
+from experiments.reproduction import budgets, rates, work
+from experiments.reproduction.items import PAPER_ITEMS
 from experiments.reproduction.page import origin, paragraph
 from experiments.reproduction.published_runs import MORE
-from experiments.reproduction.runs import again_name
+from experiments.reproduction.runs import again_name, all_runs
 from experiments.reproduction.sections import figures
 from experiments.reproduction.sections.ablation import EVERY
 from experiments.reproduction.stored import Stored
@@ -34,13 +35,20 @@ def whole(runs: Mapping[str, Stored]) -> str:
     compiles = sum(run.compile_seconds / 60 for run in trained.values())
     busy = gpu_minutes(list(trained.values()))
     longest = sorted(training, key=lambda name: -training[name])[:10]
+    planned = len(work.needed(all_runs(), [name for item in PAPER_ITEMS.values() for name in item.runs]))
+    short = len(budgets.fewer(trained))
+    left_out = f"{planned - len(runs)} of the plan are not trained" if len(runs) < planned else ""
+    left_out += (" and " if left_out and short else "") + (
+        f"{short} had fewer frames than the paper's, so that it would be more" if short else ""
+    )
     return paragraph(
-        f"All {len(trained)} runs (`--only paper`; those of agents for any task come on top): "
+        f"{len(trained)} trained runs (`--only paper`; those of agents for any task come on top): "
         f"{sum(training.values()):.0f} minutes of training and {compiles:.0f} of compiling, summed over runs. "
         f"By when each began they kept GPUs busy for {busy:.0f} minutes, with several beside each other on a GPU or, "
         "where fewer were left, one; evaluation and starting are not counted. The search, repeated runs and some on "
         "another kind of GPU are among them. The aim was "
-        f"{AIM} minutes of one H200, and is {'' if busy <= AIM else 'not '}reached. The longest, in minutes: "
+        f"{AIM} minutes of one H200, and is {'' if busy <= AIM else 'not '}reached"
+        f"{f'; {left_out}' if left_out else ''}. The longest, in minutes: "
         f"{', '.join(f'{name} {training[name]:.0f}' for name in longest)}.{_benchmark_steps(trained)}"
         + where_the_minutes_are(trained)
     )
@@ -72,7 +80,7 @@ def where_the_minutes_are(runs: Mapping[str, Stored]) -> str:
 
 def _beside(name: str) -> bool:
     """Whether a run is of a search, one that was made again or on more seeds, or a piece of the published program."""
-    begins = name.startswith(("search-", figures.BASE, f"zone-published{MORE}"))
+    begins = name.startswith((rates.SEARCH, figures.BASE, f"zone-published{MORE}"))
     return begins or name.endswith((again_name(""), rates.own_name(""), MORE))
 
 

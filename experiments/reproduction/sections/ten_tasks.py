@@ -98,12 +98,17 @@ def scores(runs: Mapping[str, Stored]) -> dict[str, dict[int, np.ndarray]]:
     return {name: curves for name, curves in found.items() if curves}
 
 
-def behind(curves: Mapping[str, Mapping[int, np.ndarray]]) -> str:
-    """Where a mean of `scores` is below the published one, and whether that lies in its interval; '' for nowhere."""
+def behind(curves: Mapping[str, Mapping[int, np.ndarray]], kinds: Mapping[str, str] = KINDS) -> str:
+    """Where a mean of `scores` is below the published one, and whether that lies in its interval; '' for nowhere.
+
+    Args:
+        curves: see `scores`.
+        kinds: runs by the published ones that they stand beside.
+    """
     return below.listed(
         {
             name: below.marks(np.array(list(curves[name].values())), published_water.STEPS, *means[:1])
-            for name, means in ((name, published_water.SCORES[published]) for name, published in KINDS.items())
+            for name, means in ((name, published_water.SCORES[published]) for name, published in kinds.items())
             if name in curves
         },
         "after {} steps",
