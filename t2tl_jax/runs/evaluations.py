@@ -16,6 +16,7 @@ from t2tl_jax.evaluation.report import Report, summarise
 from t2tl_jax.evaluation.statistics import Estimate
 from t2tl_jax.ltl import TaskTable
 from t2tl_jax.runs import machine_files
+from t2tl_jax.runs import status as run_status
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
@@ -141,8 +142,12 @@ def stored(folder: RunFolder) -> list[dict[str, Any]]:
     """
     try:
         found = read_json(folder.evaluation).get("evaluations", [])
-        if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
-            raise UserError(f"{folder.evaluation} should hold a list of evaluations")
+        whole = isinstance(found, list) and all(
+            isinstance(entry, dict) and all(isinstance(entry.get(part, {}), dict) for part in ("settings", "policies"))
+            for entry in found
+        )
+        if not whole:
+            raise UserError(f"{folder.evaluation} should hold a list of evaluations, each with settings and policies")
         return found
     except UserError as error:
         raise UserError(f"{error}; move this file away, so that a new one can be written") from error
@@ -184,7 +189,7 @@ def solved(folder: RunFolder, config: Config, physics: str) -> Estimate | None:
         "task": machine_files.name_of(config.task, folder.path),
         "physics": physics,
         "episode_length": config.episode_length,
-        "iteration": read_json(folder.status).get("iteration"),
+        "iteration": run_status.read(folder).get("iteration"),
     }
     found = None
     for entry in stored(folder):

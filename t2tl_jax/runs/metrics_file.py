@@ -2,7 +2,7 @@
 runs have a row for several iterations, see `thinning.py`.
 
 Columns go by their names: a file of another version, with fewer, more or other columns than are written today, is read
-all the same.
+all the same, if it has those that every version has.
 """
 
 import csv
@@ -33,6 +33,8 @@ EPISODE_COLUMNS = (
 )
 KEY_COLUMNS = ("iteration", "frames", "seed")
 FIXED_COLUMNS = (*KEY_COLUMNS, *EPISODE_COLUMNS)
+LATER_COLUMNS = ("env_termination_rate", "total_reward")
+"""Of these, the ones that the first versions did not write."""
 
 
 COMPRESSED = ".gz"
@@ -43,6 +45,10 @@ MOST_BYTES = 2**31
 
 AT_ONCE = 50_000
 """Lines that are read together."""
+
+BYTES_OF_LINE = 64
+"""What Python needs for a line beside its letters. The file is there three times while it is read: as bytes, as a text,
+and in lines; its cells twice, as they are read and as curves."""
 
 
 class MetricsFileError(ValueError):
@@ -143,6 +149,7 @@ def _complete_lines(path: Path) -> list[str]:
     """All lines but a last one that was cut off in the middle, as a killed process may leave it."""
     try:
         data = _bytes(path)
+        _check_memory(path, data)
         return data[: data.rfind(b"\n") + 1].decode("utf-8").splitlines(keepends=True)
     except (UnicodeDecodeError, gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise MetricsFileError(f"{path} is damaged: {error}") from error
@@ -159,6 +166,17 @@ def _bytes(path: Path) -> bytes:
     if len(data) > MOST_BYTES:
         raise MetricsFileError(f"{compressed} holds more than {MOST_BYTES // 2**30} GiB; unpack it to read it")
     return data
+
+
+def _check_memory(path: Path, data: bytes) -> None:
+    """Refuse what does not fit: a small file can hold very many rows, and each of their cells takes eight bytes."""
+    rows, columns = data.count(b"\n"), data[: data.find(b"\n") + 1].count(b",") + 1
+    needed = 3 * len(data) + rows * (BYTES_OF_LINE + 2 * 8 * columns)
+    if needed > (most := os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2):
+        raise MetricsFileError(
+            f"{path} holds {rows:,} rows of {columns} columns; to read them takes some {needed / 2**30:,.1f} GiB, more "
+            f"than half of this machine's memory ({most / 2**30:,.1f} GiB). Thin it out, or read it on another machine"
+        )
 
 
 def write_compressed(path: Path, text: str) -> None:
@@ -182,6 +200,8 @@ def _parse(path: Path, lines: Sequence[str]) -> dict[str, np.ndarray]:
         raise MetricsFileError(f"{path} holds no metrics yet")
     if not set(KEY_COLUMNS) <= set(header) or len(set(header)) < len(header):
         raise MetricsFileError(f"{path} is not a metrics file")
+    if missing := [name for name in EPISODE_COLUMNS if name not in (*header, *LATER_COLUMNS)]:
+        raise MetricsFileError(f"{path} has no column {missing[0]}, which every version writes: it was changed")
     keys = [header.index(name) for name in KEY_COLUMNS]
     cells = np.empty((len(lines) - 1, len(header)))
     for start in range(0, len(cells), AT_ONCE):

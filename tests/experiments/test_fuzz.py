@@ -341,3 +341,77 @@ def test_run_folders(finished_run, command, count):
             assert code == 0 or digests(folder) == before, how
 
     one()
+
+
+JSON_FILES = ("status.json", "versions.json", "evaluation.json")
+
+
+@pytest.fixture(scope="module")
+def evaluated_run(finished_run, tmp_path_factory):
+    """The same with an evaluation, not to be changed either."""
+    folder = Path(shutil.copytree(finished_run, tmp_path_factory.mktemp("evaluated") / "run"))
+    assert said(evaluate.main, str(folder), "--episodes", "4")[0] == 0
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "count"), [("compare", 120), ("plot", 20), ("resume", 15), ("evaluate", 4), ("play", 4)]
+)
+def test_what_the_files_of_a_run_say(evaluated_run, command, count):
+    """Well-formed JSON with other values, or without some."""
+    contents = {name: json.loads((evaluated_run / name).read_text()) for name in JSON_FILES}
+
+    @given(st.sampled_from(JSON_FILES).flatmap(lambda name: st.tuples(st.just(name), changed(contents[name]))))
+    @examples(count)
+    def one(how):
+        name, content = how
+        with tempfile.TemporaryDirectory() as base:
+            folder = Path(shutil.copytree(evaluated_run, Path(base, "run")))
+            (folder / name).write_text(json.dumps(content))
+            before = digests(folder)
+            code, errors = COMMANDS[command](folder)
+            assert is_polite(code, errors), (how, code, errors)
+            assert code == 0 or digests(folder) == before, how
+
+    one()
+
+
+@st.composite
+def header(draw, names):
+    """The names of columns with some of them changed, lost, doubled or put elsewhere."""
+    names = list(names)
+    for _ in range(draw(st.integers(1, 3))):
+        at = draw(st.integers(0, len(names) - 1))
+        kind = draw(st.sampled_from(["change", "change", "lose", "double", "swap"]))
+        if kind == "lose" and len(names) > 1:
+            del names[at]
+        elif kind == "double":
+            names.insert(at, names[at])
+        elif kind == "swap":
+            names[at], names[0] = names[0], names[at]
+        else:
+            names[at] = draw(st.sampled_from([names[at] + "x", names[at][1:], "", "score_1", "best_score_1"]))
+    return names
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("command", "count"), [("compare", 40), ("plot", 20), ("resume", 10)])
+def test_columns_of_metrics(finished_run, command, count):
+    """Of which all but the first three may be others in another version; those that every version has are asked for."""
+    names, *rows = [line.split(",") for line in (finished_run / "metrics.csv").read_text().splitlines()]
+
+    @given(header(names), st.booleans())
+    @examples(count)
+    def one(changed_names, whole):
+        """With the cells of a lost column, or without them."""
+        lines = rows if whole else [row[: len(changed_names)] for row in rows]
+        with tempfile.TemporaryDirectory() as base:
+            folder = Path(shutil.copytree(finished_run, Path(base, "run")))
+            (folder / "metrics.csv").write_text("\n".join(",".join(line) for line in [changed_names, *lines]) + "\n")
+            before = digests(folder)
+            code, errors = COMMANDS[command](folder)
+            assert is_polite(code, errors), (changed_names, code, errors)
+            assert code == 0 or digests(folder) == before, changed_names
+
+    one()

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from t2tl_jax.runs import metrics_file
-from t2tl_jax.runs.metrics_file import FIXED_COLUMNS, MetricsFile, MetricsFileError, lines_up_to, read_columns
+from t2tl_jax.runs.metrics_file import (
+    FIXED_COLUMNS,
+    LATER_COLUMNS,
+    MetricsFile,
+    MetricsFileError,
+    lines_up_to,
+    read_columns,
+)
 
 HEADER = ",".join(FIXED_COLUMNS)
 ROWS = ("1,10,0,1,1,0,0,0,0.5,1,5,5", "1,10,1,0,,,,,,,,", "2,20,0,2,1,0,0,0,0.5,1,5,5", "2,20,1,1,1,0,0,0,0.5,1,5,5")
@@ -75,25 +82,50 @@ def test_rows_that_a_checkpoint_counts_on_must_be_there(write, tmp_path):
         lines_up_to(tmp_path / "other.csv", 3)
 
 
+OLD = [name for name in FIXED_COLUMNS if name not in LATER_COLUMNS]
+"""What the first versions wrote."""
+
+
+def text(names, *rows):
+    return "".join(",".join(str(row.get(name, 0)) for name in names) + "\n" for row in ({n: n for n in names}, *rows))
+
+
 def test_columns_go_by_their_names(tmp_path):
     """A file of before there was env_termination_rate, and one with a column more and another order."""
     path = tmp_path / "metrics.csv"
-    path.write_text("iteration,frames,seed,episodes,success_rate\n1,10,0,4,0.5\n")
-    assert {name: x.tolist() for name, x in read_columns(path).items()} == {
-        "iteration": [1],
-        "frames": [10],
-        "seed": [0],
-        "episodes": [4],
-        "success_rate": [0.5],
-    }
-    path.write_text("seed,new,frames,iteration\n7,0.25,10,1\n7,0.5,20,2\n")
+    path.write_text(text(OLD, {"iteration": 1, "frames": 10, "episodes": 4, "success_rate": 0.5}))
+    columns = read_columns(path)
+    assert list(columns) == OLD and columns["episodes"].tolist() == [4] and columns["success_rate"].tolist() == [0.5]
+    names = ["seed", "new", *(name for name in OLD if name != "seed")]
+    rows = [{"seed": 7, "new": new, "frames": 10 * k, "iteration": k} for k, new in ((1, 0.25), (2, 0.5))]
+    path.write_text(text(names, *rows))
     columns = read_columns(path)
     assert columns["new"].tolist() == [0.25, 0.5] and columns["seed"].tolist() == [7, 7]
     assert len(lines_up_to(path, 1)) == 2
     file = MetricsFile(path, after=1)
-    file.append([{"iteration": 2, "frames": 20, "seed": 7, "new": 1.5}])
+    file.append([dict.fromkeys(names, 0) | {"iteration": 2, "frames": 20, "seed": 7, "new": 1.5}])
     file.close()
-    assert path.read_text().splitlines()[1:] == ["7,0.25,10,1", "7,1.5,20,2"]
+    assert [line.split(",")[:2] for line in path.read_text().splitlines()[1:]] == [["7", "0.25"], ["7", "1.5"]]
+
+
+@pytest.mark.parametrize("name", ["episodes", "discounted_return", "length"])
+def test_a_file_without_a_column_that_every_version_writes_is_refused(tmp_path, name):
+    path = tmp_path / "metrics.csv"
+    path.write_text(text([f"{other}x" if other == name else other for other in FIXED_COLUMNS], {"iteration": 1}))
+    with pytest.raises(MetricsFileError, match=f"has no column {name}, which every version writes"):
+        read_columns(path)
+
+
+def test_what_takes_too_much_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    """A compressed file of a few kilobytes can hold millions of cells."""
+    path = tmp_path / "metrics.csv"
+    metrics_file.write_compressed(path, text(FIXED_COLUMNS) + ("," * (len(FIXED_COLUMNS) - 1) + "\n") * 100_000)
+    assert (tmp_path / "metrics.csv.gz").stat().st_size < 10_000
+    pages = {"SC_PHYS_PAGES": 2**13, "SC_PAGE_SIZE": 2**12}  # 32 MiB
+    monkeypatch.setattr(metrics_file.os, "sysconf", pages.__getitem__)
+    monkeypatch.setattr(metrics_file, "_parse", lambda *_: pytest.fail("it is read"))
+    with pytest.raises(MetricsFileError, match=r"holds 100,001 rows of 12 columns; to read them takes some 0\.0 GiB"):
+        read_columns(path)
 
 
 def test_a_compressed_file_is_read_where_the_plain_one_is_missing(write, tmp_path, monkeypatch):
