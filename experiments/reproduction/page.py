@@ -26,6 +26,9 @@ differences are Welch's, or paired where seed k has the same map in both runs, a
 comparisons of a table, be all of its runs there or not (Bonferroni). p is that of a two-sided permutation test, by
 Holm's correction; outcomes go by the interval alone, so that the two can differ near the edge. Interquartile means
 have bootstrap intervals (BCa), which with a dozen seeds cover somewhat less than 95 %.
+Intervals of means and of differences know of no failure that the seeds do not show: where one training in twelve fails,
+a dozen often show none, and such an interval then misses the true value in a third of the cases instead of a twentieth.
+Shares have Wilson's, which allow for it.
 Where a table says that it is of episodes without discount, it is not that return.
 Seconds are upper bounds, of runs that shared a GPU with different others and were not all made by one commit: they do
 not compare methods. An encoder goes on from the best parameters of its pre-training, which a seed may have lost again

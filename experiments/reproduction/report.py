@@ -29,6 +29,7 @@ from experiments.reproduction.changed import changed
 from experiments.reproduction.episode import EpisodeGIF
 from experiments.reproduction.graphs import graphs
 from experiments.reproduction.items import PAPER_ITEMS
+from experiments.reproduction.kept_agents import kept_agents
 from experiments.reproduction.measures import frames_before, frames_to
 from experiments.reproduction.method_table import method_table
 from experiments.reproduction.page import page, paragraph
@@ -102,7 +103,7 @@ def documentation(root: Path) -> Documentation:
             "any": paragraph(in_short(for_any)),
             "speed": speed.short_table(results),
         },
-        "docs/methods.md": {"methods": method_table(paper)},
+        "docs/methods.md": {"methods": method_table(paper), "agents": kept_agents(paper)},
         "docs/speed.md": {
             "until-solved": speed.until_solved(results),
             "second-core": speed.second_core(results),

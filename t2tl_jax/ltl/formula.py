@@ -83,7 +83,10 @@ class Formula:
                 "such as a | b | c | ... is as deep as it is long: put its halves in parentheses"
             )
         if size >= MAX_SIZE:
-            raise TooLargeError(f"the formula has {size + 1} nodes; the limit is {MAX_SIZE} (formula.MAX_SIZE)")
+            raise TooLargeError(
+                f"the formula has {size + 1} nodes, with the copies of their operands that <-> and M make; the limit "
+                f"is {MAX_SIZE} (formula.MAX_SIZE, no flag)"
+            )
         object.__setattr__(self, "size", size + 1)
         object.__setattr__(self, "depth", depth)
         object.__setattr__(self, "_hash", hash((self.op, self.name, self.args)))

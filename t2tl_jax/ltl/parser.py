@@ -152,7 +152,7 @@ class _Parser:
             return True
         if text in _UNARY:
             if len(self.pending) > 2 * MAX_SIZE:
-                raise TooLargeError(f"the formula has more than {MAX_SIZE} operators (formula.MAX_SIZE)")
+                raise TooLargeError(f"the formula has more than {MAX_SIZE} operators (formula.MAX_SIZE, no flag)")
             self.pending.append(_Pending(_UNARY[text], 6, token.position))
             return True
         if text in _LITERAL:

@@ -5,9 +5,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from experiments.benchmarks import measured
+from experiments.benchmarks.trainings import training
 from experiments.reproduction.cells import text
 from experiments.reproduction.claims import differences
-from experiments.reproduction.page import table
+from experiments.reproduction.page import paragraph, table
+from experiments.reproduction.runs import ALONE_END
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
 
@@ -34,6 +37,9 @@ UNITS = {"zone": 0.01, "water": 1.0}
 """Of the values above."""
 
 WORLDS = {"zone": "ZoneEnv", "water": "WaterWorld"}
+
+CONFIG = {"water": "waterworld_dqn"}
+"""The configurations that are benchmarked as they are timed here."""
 
 READERS = {"t2tl": "transformer", "t1tl": "transformer", "gnn": "gnn"}
 """Which pre-training a method starts from."""
@@ -93,7 +99,33 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
         pairs = claims(world)
         if compared := differences(runs, pairs, rates, "reward per minute", pairs):
             parts += [f"**{title}**", compared]
-    return "\n\n".join([*parts, NOTE])
+    return "\n\n".join([*parts, NOTE, *_beside_a_benchmark(runs)])
+
+
+BENCHMARK = "benchmark_h200.json"
+"""Beside the folder of the paper's runs: of the same commit as the timed runs, and the same kind of GPU."""
+
+BESIDE = """These timings are short, and what a training spends once counts in them as if it came back with every
+frame: a benchmark of whole iterations at one of their commits made more frames per second with one seed alone on the
+same kind of GPU. {each}. How much that is of the other methods is not known, and it need not be as much; so the
+outcomes above can also be due to how short the timings are. To time whole trainings would tell."""
+
+
+def _beside_a_benchmark(runs: Mapping[str, Stored]) -> list[str]:
+    """How many times as fast iterations were in a benchmark as in the timed runs, where both are stored."""
+    timed = {name: run for name, run in runs.items() if name.endswith(ALONE_END) and "pretraining" not in name}
+    file = next(iter(timed.values())).path.parents[1] / BENCHMARK if timed else None
+    if file is None or not file.is_file():
+        return []
+    rates = {row.what: row.rate for row in measured.read(file)[1] if (row.part, row.size) == ("training", "1 seed")}
+    each = []
+    for name, run in timed.items():
+        world, _, method = name.removesuffix(ALONE_END).partition("-")
+        what, own = f"{CONFIG[world]}:{method}" if world in CONFIG else "", run.frames / run.train_seconds
+        rate = rates.get(what)
+        if rate is not None and training(what).learner == run.config.learner:
+            each.append(f"{name}: {measured.three_digits(own)} frames/s, {rate / own:.2f} times as many there")
+    return [paragraph(BESIDE.format(each="; ".join(each)))] if each else []
 
 
 def claims(world: str) -> Pairs:
