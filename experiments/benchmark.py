@@ -126,7 +126,7 @@ def _of_the_readme(where: Mapping[str, Any], rows: Sequence[Any]) -> str:
     from experiments.reproduction import speed
 
     results = Path(__file__).parents[1] / "results"
-    if not all((results / kind.folder).parent.is_dir() for kind in speed.KINDS):
+    if not all(speed.is_stored(kind, results) for kind in speed.KINDS):
         return ""
     said = f"""\
 ## The table of the README, by what is stored in {results.name}/ and by this

@@ -192,8 +192,9 @@ def parallel(results: Path) -> str:
 
 
 PARALLEL = """That is beside the published crm, which likewise learns every state's experience, on maps 1 to 10; these
-are maps {maps} alone. After as many steps it has made a thirty-second of the gradient steps, each of its own batch size
-and learning rate, so that it may learn less from a step; that it is this was not tested, nor other maps."""
+are maps {maps} alone. After as many steps it has made a thirty-second of the gradient steps, with another batch size
+and another learning rate than the published. That may be why it learns less from a step; it was not tested, nor were
+other maps."""
 
 
 QUANTITIES = (("position_mm", "mm", 2), ("velocity_m_s", "m/s", 3), ("turning_rad_s", "rad/s", 2))

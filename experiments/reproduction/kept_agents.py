@@ -10,7 +10,7 @@ from t2tl_jax.runs.folder import RunFolder
 
 WORDS = """The seed that is kept is the first one, whatever it came to. With its final parameters, sampled, it succeeds
 in this share of the stored evaluation's episodes: {each}. {solved} of these {count} agents solve their task, which
-takes more than {bar:g}."""
+takes more than {bar:g}. Those that are kept in half precision were played before that, and not again."""
 
 
 def kept_agents(runs: Mapping[str, Stored]) -> str:

@@ -27,7 +27,7 @@ comparisons of a table, be all of its runs there or not (Bonferroni). p is that 
 Holm's correction; outcomes go by the interval alone, so that the two can differ near the edge. Interquartile means
 have bootstrap intervals (BCa), which with a dozen seeds cover somewhat less than 95 %.
 Intervals of means and of differences know of no failure that the seeds do not show: where one training in twelve fails,
-a dozen often show none, and such an interval then misses the true value in a third of the cases instead of a twentieth.
+a dozen often show none, and such an interval misses the true value in a third of the cases instead of a twentieth.
 Shares have Wilson's, which allow for it.
 Where a table says that it is of episodes without discount, it is not that return.
 Seconds are upper bounds, of runs that shared a GPU with different others and were not all made by one commit: they do

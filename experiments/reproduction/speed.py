@@ -76,6 +76,11 @@ def timed(folder: Path) -> Timed:
     return Timed(Stored(folder), int(frames.replace(",", "")), int(seconds), float(COMPILED.findall(output)[-1]), whole)
 
 
+def is_stored(kind: Kind, results: Path) -> bool:
+    """Whether there is a run of a row, with what it printed."""
+    return any(results.glob(f"{kind.folder.replace('SEED', '*')}/output.txt"))
+
+
 def runs_of(kind: Kind, results: Path) -> list[Timed]:
     """All runs of a row that are stored, in the order of their seeds."""
     start, several, _ = kind.folder.partition("SEED")

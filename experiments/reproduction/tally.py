@@ -89,12 +89,12 @@ def _at_own_rates(usual: Sequence[Judged], own: Sequence[Judged]) -> str:
     if not searched:
         return ""
     each = [
-        f"{one.claim} is {then.outcome} instead of {one.outcome} by {one.measure.removeprefix('difference, ')}"
+        f"{one.claim} ({then.outcome} instead of {one.outcome}, by {one.measure.removeprefix('difference, ')})"
         for one, then in changed(usual, own)
     ]
     return (
-        f" Of {len(searched)} with a method at a rate of its own, which the search took, "
-        f"{'; '.join(each) or 'none comes out otherwise'}."
+        f" {len(searched)} of them were judged again with a method at a rate of its own, which the search took: "
+        f"{'; '.join(each) or 'none'} {'comes' if len(each) < 2 else 'come'} out otherwise."
     )
 
 

@@ -35,11 +35,14 @@ def whole(runs: Mapping[str, Stored]) -> str:
     compiles = sum(run.compile_seconds / 60 for run in trained.values())
     busy = gpu_minutes(list(trained.values()))
     longest = sorted(training, key=lambda name: -training[name])[:10]
-    planned = len(work.needed(all_runs(), [name for item in PAPER_ITEMS.values() for name in item.runs]))
+    planned = work.needed(all_runs(), [name for item in PAPER_ITEMS.values() for name in item.runs])
+    missing = len(set(planned) - set(runs))
     short = len(budgets.fewer(trained))
-    left_out = f"{planned - len(runs)} of the plan are not trained" if len(runs) < planned else ""
+    left_out = f"{missing} of the plan are not trained" if missing else ""
     left_out += (" and " if left_out and short else "") + (
-        f"{short} had fewer frames than the paper's, so that it would be more" if short else ""
+        f"{short} had fewer frames than the paper's, beside those of the search, so that it would be more"
+        if short
+        else ""
     )
     return paragraph(
         f"{len(trained)} trained runs (`--only paper`; those of agents for any task come on top): "

@@ -154,7 +154,8 @@ def is_done(run: Run, scale: Scale, folder: Path) -> bool:
         if any(getattr(config, name) != getattr(wanted, name) for name in own):
             raise UserError(f"{folder} holds a run of other settings or seeds; move it away, or take another --folder")
     evaluated = not run.evaluated or {
-        (entry["settings"]["checkpoint"], entry["settings"]["episode_length"]) for entry in evaluations.stored(files)
+        (entry["settings"].get("checkpoint"), entry["settings"].get("episode_length"))
+        for entry in evaluations.stored(files)
     } >= set(itertools.product(("final", "best"), _limits(run, scale)))
     return (
         trained

@@ -138,11 +138,6 @@ class PoolConfig:
         checks.whole(self, "rows", "seed")
         if self.rows < 3:
             raise ValueError(f"rows counts true, false and every open formula: at least 3, got {self.rows}")
-        if self.size > (most := self.rows - 2):
-            raise ValueError(
-                f"a table of {self.rows:,} rows holds {most:,} formulas at most, since each is a row beside true and "
-                f"false, got size={self.size:,}; fewer of them, or more rows"
-            )
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def stored(folder: RunFolder) -> list[dict[str, Any]]:
     try:
         found = read_json(folder.evaluation).get("evaluations", [])
         whole = isinstance(found, list) and all(
-            isinstance(entry, dict) and all(isinstance(entry.get(part, {}), dict) for part in ("settings", "policies"))
+            isinstance(entry, dict) and all(isinstance(entry.get(part), dict) for part in ("settings", "policies"))
             for entry in found
         )
         if not whole:

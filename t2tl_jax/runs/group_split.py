@@ -94,9 +94,10 @@ def _status(group: RunFolder, path: Path, part: slice, experiment: "Group") -> d
     """The group's status as that of one run: its seeds, and its share of the frames per second. Seconds are those of
     the whole group, as the note `group` says."""
     status, count = run_status.read(group), len(experiment.variants)
+    since = status.get("success_since_frames")
     status |= {
         "seeds": list(experiment.seeds_of_one),
-        "success_since_frames": status["success_since_frames"][part],
+        "success_since_frames": None if since is None else since[part],
         "group": {"runs": count, "lanes": len(experiment.lanes)},
     }
     broken = faults.of_lanes(status.pop(faults.NAME, {}), experiment.lanes[part], experiment.seeds_of_one)

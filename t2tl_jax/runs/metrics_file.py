@@ -172,10 +172,14 @@ def _check_memory(path: Path, data: bytes) -> None:
     """Refuse what does not fit: a small file can hold very many rows, and each of their cells takes eight bytes."""
     rows, columns = data.count(b"\n"), data[: data.find(b"\n") + 1].count(b",") + 1
     needed = 3 * len(data) + rows * (BYTES_OF_LINE + 2 * 8 * columns)
+    _check_fits(needed, f"{path}, with {rows:,} rows of {columns} columns,")
+
+
+def _check_fits(needed: int, what: str) -> None:
     if needed > (most := os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2):
         raise MetricsFileError(
-            f"{path} holds {rows:,} rows of {columns} columns; to read them takes some {needed / 2**30:,.1f} GiB, more "
-            f"than half of this machine's memory ({most / 2**30:,.1f} GiB). Thin it out, or read it on another machine"
+            f"to read {what} takes some {needed / 2**30:,.1f} GiB, more than half of this machine's memory "
+            f"({most / 2**30:,.1f} GiB): read it on another machine"
         )
 
 
@@ -263,6 +267,8 @@ def _curves(
     seeds = columns["seed"].astype(np.int64)
     order = np.array(list(dict.fromkeys(seeds.tolist())))  # as in the run, which need not be sorted
     frames, column = np.unique(columns["frames"], return_inverse=True)
+    names = list(names)
+    _check_fits(8 * len(order) * len(frames) * len(names), f"curves of {len(order):,} seeds and {len(frames):,} frames")
     ascending = np.argsort(order)
     row = ascending[np.searchsorted(order, seeds, sorter=ascending)]
     curves = {}

@@ -209,8 +209,8 @@ def make_pools(config: Config, env: Letters) -> Pools | None:
 
     Raises:
         ValueError: for pools that are to let episodes finish and change too soon for that, and for a curriculum whose
-            episodes do not finish, or whose tasks cannot be drawn by their success; and for a learner that cannot
-            learn families, or none with so many rows.
+            episodes do not finish, or whose tasks cannot be drawn by their success; for more formulas than rows;
+            and for a learner that cannot learn families, or none with so many rows.
     """
     if not is_family(config.task, env.propositions):
         return None
@@ -223,6 +223,11 @@ def make_pools(config: Config, env: Letters) -> Pools | None:
         for stage in config.task.stages:
             if stage.temperature:
                 _listed(stage.family, env.propositions)
+    elif pool.size > (most := pool.rows - 2):  # in a curriculum tasks may come again
+        raise ValueError(
+            f"a table of pool.rows={pool.rows:,} rows holds {most:,} formulas at most, since each is a row beside true "
+            f"and false, got pool.size={pool.size:,}; ask for fewer of them, or for more rows"
+        )
     if pool.finish and pool.period * steps < config.episode_length:
         raise ValueError(
             f"episodes of up to {config.episode_length} steps cannot finish while one pool lasts for pool.period x "

@@ -1,6 +1,6 @@
 """``status.json`` of a run: how far it is, what that took, since when its seeds succeed."""
 
-import math
+import sys
 from typing import Any
 
 from t2tl_jax.errors import UserError
@@ -48,8 +48,20 @@ def read(folder: RunFolder) -> dict[str, Any]:
     return content
 
 
+NEEDED = {
+    "pretraining": ("folder", "task", "frames_per_seed", "training_seconds", "discounted_return", "length"),
+    "last_session": ("frames_per_second_all_seeds",),
+}
+"""What is read of these wherever they are."""
+
+UNKNOWN_YET = ("success_since_frames", "solved_after_frames")
+"""What is null until an iteration of the training itself is over."""
+
+
 def _unlike(content: Any, form: Any, where: str) -> str:
     """The first part of another form than the example, in words; '' for none."""
+    if content is None and where in UNKNOWN_YET:
+        return ""
     kind = next((words for words, own in KINDS if isinstance(form, own)), NUMBER_OR_NULL)
     fits = {
         "an object": isinstance(content, dict),
@@ -60,6 +72,8 @@ def _unlike(content: Any, form: Any, where: str) -> str:
     }[kind]
     if not fits:
         return f"{where or 'it'} should be {kind}, got {repr(content)[:40]}"
+    if missing := [name for name in NEEDED.get(where, ()) if name not in content]:
+        return f"{where} lacks {missing[0]}"
     if isinstance(form, dict):
         parts = [(name, value, form.get(name, form.get("*"))) for name, value in content.items()]
         parts = [(f"{where}.{name}".lstrip("."), value, of) for name, value, of in parts if name in form or "*" in form]
@@ -73,7 +87,9 @@ KINDS = (("an object", dict), ("a list", list), ("a text", str), ("a number", fl
 
 
 def _is_number(content: Any) -> bool:
-    return isinstance(content, int | float) and not isinstance(content, bool) and math.isfinite(content)
+    if isinstance(content, bool) or not isinstance(content, int | float):
+        return False
+    return abs(content) <= sys.float_info.max  # which no number that is too large for a float is, nor NaN
 
 
 class StatusFile(Callback):

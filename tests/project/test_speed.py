@@ -300,7 +300,8 @@ def test_aims_are_judged_by_what_is_stored(tmp_path):
     ]
     measured.write(tmp_path / "benchmark_y.json", where | {"time": "2026-01-03"}, {}, dqn)
     said = " ".join(aims.aims(tmp_path).split())
-    assert "1,280,000 frames/s are 10,000 gradient steps/s" in said and "T2TL is below it" in said
+    assert "1,280,000 frames/s of T1TL are 10,000 gradient steps/s and 200,000 frames/s of T2TL are 1,560 " in said
+    assert "| `waterworld_dqn:t2tl` | 12 seeds | H200 | 300,000 frames/s | 200,000 (1, 1) frames/s | **not re" in said
     (tmp_path / "benchmark_y.json").unlink()
     starts = {"with": [{"process": 40.0}, {"process": 9.31}], "without": [{"process": 41.0}, {"process": 10.0}]}
     alone, *others = aims.EARLY
@@ -329,14 +330,17 @@ def test_the_time_of_all_runs_is_that_of_gpus_which_they_shared():
         status = {"all_sessions": {"training_seconds": training, "compile_seconds": 60}}
         time = f"2026-01-01T10:{begins:02}:00+00:00"
         versions = {"time": time, "git_revision": "a", "cpu_count": processors}
-        return SimpleNamespace(status=status, versions=versions, train_seconds=training, compile_seconds=60)
+        own = {"train_seconds": training, "compile_seconds": 60, "config": SimpleNamespace(env=None)}
+        return SimpleNamespace(status=status, versions=versions, **own)
 
     # Three at once on two GPUs for two minutes, then one more minute of one; and two at once on a host with one.
     runs = {"a": run(0, 60), "b": run(0, 60), "c": run(0, 120), "d": run(30, 240, 16), "e": run(30, 60, 16)}
     assert whole_paper.gpu_minutes(list(runs.values())) == 2 * 2 + 1 + 5
     text = " ".join(whole_paper.whole(runs | {"codes": SimpleNamespace(status={})}).split())
-    assert "All 5 runs (`--only paper`; those of agents for any task come on top): 9 minutes of training and 5" in text
-    assert "5 of compiling" in text and "busy for 10 minutes" in text
+    assert (
+        "5 trained runs (`--only paper`; those of agents for any task come on top): 9 minutes of training and 5" in text
+    )
+    assert "5 of compiling" in text and "busy for 10 minutes" in text and " of the plan are not trained." in text
     assert text.endswith("in minutes: d 4, c 2, a 1, b 1, e 1.") and whole_paper.whole({}) == ""
 
 

@@ -11,6 +11,7 @@ from t2tl_jax.runs.metrics_file import (
     LATER_COLUMNS,
     MetricsFile,
     MetricsFileError,
+    as_curves,
     lines_up_to,
     read_columns,
 )
@@ -124,8 +125,18 @@ def test_what_takes_too_much_memory_is_refused_before_it_is_read(tmp_path, monke
     pages = {"SC_PHYS_PAGES": 2**13, "SC_PAGE_SIZE": 2**12}  # 32 MiB
     monkeypatch.setattr(metrics_file.os, "sysconf", pages.__getitem__)
     monkeypatch.setattr(metrics_file, "_parse", lambda *_: pytest.fail("it is read"))
-    with pytest.raises(MetricsFileError, match=r"holds 100,001 rows of 12 columns; to read them takes some 0\.0 GiB"):
+    with pytest.raises(MetricsFileError, match=r"metrics.csv, with 100,001 rows of 12 columns, takes some 0\.0 GiB"):
         read_columns(path)
+
+
+def test_curves_that_take_too_much_memory_are_refused(monkeypatch):
+    """Rows of a seed and a number of frames each make curves as wide as they are high."""
+    columns = {name: np.arange(2_000.0) for name in FIXED_COLUMNS}
+    assert as_curves({name: values[:50] for name, values in columns.items()})[1]["episodes"].shape == (50, 50)
+    pages = {"SC_PHYS_PAGES": 2**13, "SC_PAGE_SIZE": 2**12}
+    monkeypatch.setattr(metrics_file.os, "sysconf", pages.__getitem__)
+    with pytest.raises(MetricsFileError, match="curves of 2,000 seeds and 2,000 frames takes some"):
+        as_curves(columns)
 
 
 def test_a_compressed_file_is_read_where_the_plain_one_is_missing(write, tmp_path, monkeypatch):

@@ -252,7 +252,7 @@ def test_a_number_of_processes_is_not_negative():
 
 @pytest.mark.slow
 def test_a_pool_that_cannot_be_drawn_is_told_as_without_processes(tmp_path):
-    config = dataclasses.replace(ONE, pool=dataclasses.replace(ONE.pool, rows=4))
+    config = dataclasses.replace(ONE, pool=dataclasses.replace(ONE.pool, size=2, rows=4))
     with pytest.raises(UserError, match="raise the caps on tokens and rows"):
         t2tl_jax.train(config, folder=tmp_path / "run")  # before there is a process
     with pool_workers.executor(config, make_env(config.env)) as workers:

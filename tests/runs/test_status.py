@@ -10,13 +10,18 @@ from t2tl_jax.runs import status
 from t2tl_jax.runs.folder import RunFolder
 
 ROOT = Path(__file__).parents[2]
+PRETRAINING = {
+    **{"folder": None, "task": "F a", "frames_per_seed": 100, "training_seconds": 1.5},
+    **{"success_rate": [0.5, None], "discounted_return": [0.5, None], "length": [3.0, None]},
+}
 SOUND = {
     "state": "finished",
     "seeds": [0, 1],
     "all_sessions": {"training_seconds": 3.5},
-    "pretraining": {"folder": None, "frames_per_seed": 100, "success_rate": [0.5, None]},
+    "pretraining": PRETRAINING,
     "faults": {"1": {"iteration": 3, "frames": 300, "fault": "LOSS", "cause": "words"}},
     "alone": True,
+    "success_since_frames": None,  # of a run that was stopped before its first iteration was over
 }
 
 
@@ -24,7 +29,9 @@ SOUND = {
     ("change", "said"),
     [
         ({"pretraining": 3}, "pretraining should be an object, got 3"),
-        ({"pretraining": {"success_rate": [0.5, "much"]}}, "pretraining.success_rate[1] should be a number or null"),
+        ({"pretraining": {}}, "pretraining lacks folder"),
+        ({"pretraining": PRETRAINING | {"length": [0.5, "much"]}}, "pretraining.length[1] should be a number or null"),
+        ({"iteration": 10**400}, "iteration should be a number, got 1000"),
         ({"all_sessions": None}, "all_sessions should be an object, got None"),
         (
             {"all_sessions": {"training_seconds": "long"}},

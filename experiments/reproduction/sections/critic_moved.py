@@ -22,7 +22,7 @@ draws the same for both; but a program by PPO on a GPU differs a little from run
 
 WITHOUT_KEPT = """These seeds were not trained without such a change, so that what is shown is a difference between the
 two, and not which of them departs from the program."""
-WITH_KEPT = f"`{KEPT}` is the program without such a change on the same seeds, trained after the two were known."
+WITH_KEPT = f"`{KEPT}` is the program without such a change on the same seeds, trained after the two were known, and by a later commit."
 
 
 def moved(runs: Mapping[str, Stored], published: float) -> str:
@@ -84,8 +84,8 @@ def _departs(pairs: Mapping[str, list[tuple[Begun, Begun]]]) -> str:
         gap = statistics.mean([a.end - b.end for a, b in pairs[name]])
         shown = "no difference is shown" if p >= 1 - CONFIDENCE else "more do" if more > fewer else "fewer do"
         said.append(
-            f"{name}: {more} solve the task only with it and {fewer} only without ({shown}; p {p:.2g}), and the return "
-            f"at the end is higher with it by {gap.text()}"
+            f"{name}: {more} solve the task only with it and {fewer} only without ({shown}; p {p:.2g}); return at the "
+            f"end, with it less without: {gap.text()}"
         )
     return (
         "That test was planned before there was a run of the program as it is. Beside this run, by the same test "

@@ -102,30 +102,38 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
     return "\n\n".join([*parts, NOTE, *_beside_a_benchmark(runs)])
 
 
-BENCHMARK = "benchmark_h200.json"
-"""Beside the folder of the paper's runs: of the same commit as the timed runs, and the same kind of GPU."""
+BENCHMARKS = "benchmark_*.json"
+"""Beside the folder of the paper's runs."""
 
 BESIDE = """These timings are short, and what a training spends once counts in them as if it came back with every
-frame: a benchmark of whole iterations at one of their commits made more frames per second with one seed alone on the
-same kind of GPU. {each}. How much that is of the other methods is not known, and it need not be as much; so the
-outcomes above can also be due to how short the timings are. To time whole trainings would tell."""
+frame: benchmarks of whole iterations at the same commit made more frames per second with one seed alone on the same
+kind of GPU. {each}. So it is not as much for every method, and of the others it is not known: the outcomes above can
+also be due to how short the timings are. To time whole trainings would tell."""
 
 
 def _beside_a_benchmark(runs: Mapping[str, Stored]) -> list[str]:
-    """How many times as fast iterations were in a benchmark as in the timed runs, where both are stored."""
-    timed = {name: run for name, run in runs.items() if name.endswith(ALONE_END) and "pretraining" not in name}
-    file = next(iter(timed.values())).path.parents[1] / BENCHMARK if timed else None
-    if file is None or not file.is_file():
-        return []
-    rates = {row.what: row.rate for row in measured.read(file)[1] if (row.part, row.size) == ("training", "1 seed")}
+    """How many times as fast iterations were in benchmarks as in the timed runs, where both are stored, of one commit
+    and one kind of device."""
     each = []
-    for name, run in timed.items():
+    for name, run in runs.items():
         world, _, method = name.removesuffix(ALONE_END).partition("-")
-        what, own = f"{CONFIG[world]}:{method}" if world in CONFIG else "", run.frames / run.train_seconds
-        rate = rates.get(what)
-        if rate is not None and training(what).learner == run.config.learner:
-            each.append(f"{name}: {measured.three_digits(own)} frames/s, {rate / own:.2f} times as many there")
+        if name.endswith(ALONE_END) and world in CONFIG and not method.startswith("pretraining"):
+            rate, own = _benchmarked(run, f"{CONFIG[world]}:{method}"), run.frames / run.train_seconds
+            if rate is not None:
+                each.append(f"{name}: {measured.three_digits(own)} frames/s, {rate / own:.2f} times as many there")
     return [paragraph(BESIDE.format(each="; ".join(each)))] if each else []
+
+
+def _benchmarked(run: Stored, what: str) -> float | None:
+    """Frames per second of one seed of a training, by a benchmark of a run's commit and kind of device."""
+    for file in sorted(run.path.parents[1].glob(BENCHMARKS)):
+        where, rows = measured.read(file)
+        if where["git_modified"] or any(where[name] != run.versions[name] for name in ("git_revision", "devices")):
+            continue
+        for row in rows:
+            if (row.part, row.what, row.size) == ("training", what, "1 seed"):
+                return row.rate if training(what).learner == run.config.learner else None
+    return None
 
 
 def claims(world: str) -> Pairs:
