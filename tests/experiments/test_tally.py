@@ -79,4 +79,4 @@ def test_most_claims_are_undecided_as_the_readme_says():
     decided = f"{own['reproduced']} of {own['reproduced'] + own['not reproduced']} others reproduced"
     said = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     fewer = f" ({lost} not at searched rates)"
-    assert f"Published orders: most [undecided](docs/results.md), {decided}{fewer}." in said
+    assert f"Claimed orders: most [undecided](docs/results.md), {decided}{fewer}." in said
