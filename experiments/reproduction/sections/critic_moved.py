@@ -23,7 +23,7 @@ draws the same for both; but a program by PPO on a GPU differs a little from run
 WITHOUT_KEPT = """These seeds were not trained without such a change, so that what is shown is a difference between the
 two, and not which of them departs from the program."""
 WITH_KEPT = (
-    f"`{KEPT}` is the program without such a change on the same seeds, trained after the two were known, and by a later "
+    f"`{KEPT}` is the program without such a change on the same seeds, trained after the two were known and by a later "
     "commit."
 )
 
