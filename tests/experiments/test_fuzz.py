@@ -356,7 +356,7 @@ def evaluated_run(finished_run, tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("command", "count"), [("compare", 120), ("plot", 20), ("resume", 15), ("evaluate", 4), ("play", 4)]
+    ("command", "count"), [("compare", 60), ("plot", 10), ("resume", 10), ("evaluate", 2), ("play", 2)]
 )
 def test_what_the_files_of_a_run_say(evaluated_run, command, count):
     """Well-formed JSON with other values, or without some."""
@@ -396,7 +396,7 @@ def header(draw, names):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("command", "count"), [("compare", 40), ("plot", 20), ("resume", 10)])
+@pytest.mark.parametrize(("command", "count"), [("compare", 30), ("plot", 10), ("resume", 8)])
 def test_columns_of_metrics(finished_run, command, count):
     """Of which all but the first three may be others in another version; those that every version has are asked for."""
     names, *rows = [line.split(",") for line in (finished_run / "metrics.csv").read_text().splitlines()]
