@@ -123,7 +123,7 @@ def _main(texts: list[str]) -> int:
 
 def _read(path: Path, last: float) -> Run:
     from t2tl_jax.runs import folder as run_folder
-    from t2tl_jax.runs import status as run_status
+    from t2tl_jax.runs import status_form
     from t2tl_jax.runs.metrics_file import MetricsFileError, by_seed, ending, history, read_columns
 
     folder, config = run_folder.open_existing(path)
@@ -132,7 +132,7 @@ def _read(path: Path, last: float) -> Run:
         seeds = tuple(by_seed(read_columns(folder.metrics), "frames")[0].tolist())
     except MetricsFileError as error:
         raise UserError(str(error)) from error
-    return Run(folder, config, seeds, curves, ending(curves, last), run_status.read(folder))
+    return Run(folder, config, seeds, curves, ending(curves, last), status_form.read(folder))
 
 
 def _each_once(paths: Sequence[Path]) -> list[Path]:

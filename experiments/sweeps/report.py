@@ -10,7 +10,7 @@ from experiments.cli.grid import Point
 from t2tl_jax.errors import UserError
 from t2tl_jax.evaluation import statistics
 from t2tl_jax.evaluation.curves import plot_runs
-from t2tl_jax.runs import status as run_status
+from t2tl_jax.runs import status_form
 from t2tl_jax.runs.folder import RunFolder
 from t2tl_jax.runs.metrics_file import MetricsFileError, ending, history
 from t2tl_jax.runs.success import success_since, window
@@ -45,7 +45,7 @@ def final_returns(curves: Mapping[str, Any]) -> np.ndarray:
 
 def line(path: Path, point: Point, curves: Mapping[str, Any]) -> str:
     """One line of the table."""
-    status = run_status.read(RunFolder(path))
+    status = status_form.read(RunFolder(path))
     since = success_since(curves["success_rate"], window(point.config))
     frames = np.median(np.where(since > 0, since * np.nanmin(curves["frames"]), np.inf))
     final = final_returns(curves)

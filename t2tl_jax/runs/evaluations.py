@@ -15,8 +15,7 @@ from t2tl_jax.evaluation.episodes import distinct, player_of_seeds
 from t2tl_jax.evaluation.report import Report, summarise
 from t2tl_jax.evaluation.statistics import Estimate
 from t2tl_jax.ltl import TaskTable
-from t2tl_jax.runs import machine_files
-from t2tl_jax.runs import status as run_status
+from t2tl_jax.runs import machine_files, status_form
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.experiment import Experiment
 from t2tl_jax.runs.folder import RunFolder, read_json, write_json
@@ -189,7 +188,7 @@ def solved(folder: RunFolder, config: Config, physics: str) -> Estimate | None:
         "task": machine_files.name_of(config.task, folder.path),
         "physics": physics,
         "episode_length": config.episode_length,
-        "iteration": run_status.read(folder).get("iteration"),
+        "iteration": status_form.read(folder).get("iteration"),
     }
     found = None
     for entry in stored(folder):

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import jax
 
-from t2tl_jax.runs import faults, pretraining
+from t2tl_jax.runs import faults, pretraining, status_form
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import status as run_status
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.folder import RunFolder
@@ -93,7 +92,7 @@ def _write_metrics(group: RunFolder, run: RunFolder, done: int, part: slice, see
 def _status(group: RunFolder, path: Path, part: slice, experiment: "Group") -> dict[str, Any]:
     """The group's status as that of one run: its seeds, and its share of the frames per second. Seconds are those of
     the whole group, as the note `group` says."""
-    status, count = run_status.read(group), len(experiment.variants)
+    status, count = status_form.read(group), len(experiment.variants)
     since = status.get("success_since_frames")
     status |= {
         "seeds": list(experiment.seeds_of_one),

@@ -16,8 +16,7 @@ from t2tl_jax.ltl import is_family
 from t2tl_jax.ltl.tasks import is_machine_file
 from t2tl_jax.registry import TASK_ENCODERS
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import machine_files
-from t2tl_jax.runs import status as run_status
+from t2tl_jax.runs import machine_files, status_form
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.runs.config import Config
 from t2tl_jax.runs.differences import differences
@@ -195,7 +194,7 @@ def _check_padding(before: Experiment, experiment: Experiment, source: str) -> N
 
 def summary(first: "Result") -> dict[str, Any]:
     """What a pre-training cost, and how it ended, as far as is known."""
-    status = {} if first.folder is None else run_status.read(RunFolder(first.folder))
+    status = {} if first.folder is None else status_form.read(RunFolder(first.folder))
     spent = status.get("all_sessions", {})
     frames = first.iteration * first.experiment.agent.frames_per_iteration
     end = ending(first.metrics, LAST) if "episodes" in first.metrics else {}

@@ -8,8 +8,7 @@ from typing import Any, TypeAlias
 
 from t2tl_jax.errors import UserError, check_type
 from t2tl_jax.runs import folder as run_folder
-from t2tl_jax.runs import machine_files, params_file, pretraining
-from t2tl_jax.runs import status as run_status
+from t2tl_jax.runs import machine_files, params_file, pretraining, status_form
 from t2tl_jax.runs.callbacks import Callback
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 from t2tl_jax.runs.evaluations import Which
@@ -162,7 +161,7 @@ def loaded(experiment: Experiment, run: RunFolder) -> Result:
         metrics = history(run.metrics, experiment.seeds if params_file.stands_in(run) else None)
     except MetricsFileError:  # the parameters can be used without
         metrics = {}
-    status = run_status.read(run)
+    status = status_form.read(run)
     ended = status.get("ended") or status.get("state", "unknown")
     return Result(experiment, params, metrics, iteration, ended, run.path)
 
@@ -203,7 +202,7 @@ def _pretrained(before: Experiment, folder: Path | None, session: Session) -> Re
             run, stored = run_folder.open_existing(folder)
             if not pretraining.same_run(stored, wanted):
                 raise UserError(f"{folder} holds a run of another configuration; move it away")
-            if hosts.of_first(str(run_status.read(run).get("state"))) == "finished":
+            if hosts.of_first(str(status_form.read(run).get("state"))) == "finished":
                 return loaded(before, run)
             result = continued(before.with_config(replace(stored, run=wanted.run)), run, session, None)
     except Interrupted as when:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from t2tl_jax.errors import UserError
-from t2tl_jax.runs import status
+from t2tl_jax.runs import status_form
 from t2tl_jax.runs.folder import RunFolder
 
 ROOT = Path(__file__).parents[2]
@@ -45,17 +45,17 @@ SOUND = {
 def test_what_is_of_another_form_is_refused_with_its_place(tmp_path, change, said):
     folder = RunFolder(tmp_path)
     folder.status.write_text(json.dumps(SOUND))
-    assert status.read(folder) == SOUND
+    assert status_form.read(folder) == SOUND
     folder.status.write_text(json.dumps(SOUND | change))
     with pytest.raises(UserError) as refused:
-        status.read(folder)
+        status_form.read(folder)
     assert f"{folder.status}: {said}" in str(refused.value)
 
 
 def test_a_run_without_the_file_has_no_status(tmp_path):
-    assert status.read(RunFolder(tmp_path)) == {}
+    assert status_form.read(RunFolder(tmp_path)) == {}
 
 
 def test_every_stored_run_has_a_status_of_that_form():
-    read = [status.read(RunFolder(file.parent)) for file in (ROOT / "results").rglob("status.json")]
+    read = [status_form.read(RunFolder(file.parent)) for file in (ROOT / "results").rglob("status.json")]
     assert len(read) > 200 and all(read)
