@@ -90,9 +90,9 @@ PAPER_ITEMS: dict[str, Item] = {
         "Reward per unit time",
         (
             *_names("zone-{}", named.ZONE_METHODS),
-            *_names("water-{}", named.WATER_METHODS),
+            *_names("water-{}", (*named.WATER_METHODS, "rm-6")),
             *_names("zone-{}-alone", named.ZONE_METHODS),
-            *_names("water-{}-alone", named.WATER_METHODS),
+            *_names("water-{}-alone", (*named.WATER_METHODS, "rm-6")),
             *_names("zone-pretraining-{}-alone", _READERS),
             *_names("water-pretraining-{}-alone", _READERS),
         ),

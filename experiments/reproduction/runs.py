@@ -87,10 +87,6 @@ AGENTS = (
 ALONE = "1"
 """One seed is enough for a run whose time is taken."""
 
-TIMED = 10
-"""A run whose time is taken does one frame in so many: every iteration of a training takes the same time, where
-parameters are not compared on the way, which takes as long as their episodes."""
-
 MAPS = "1,2,3,4,5,6,7,8,9,10"
 """The maps of the reward-machine benchmark, which its seeds are."""
 
@@ -230,6 +226,7 @@ def _water_variants(runs: dict[str, Run]) -> dict[str, Run]:
         new[f"water-t1tl-{width}"] = Run(config, before)
     for width in (6, 32):  # 16 is the default
         new[f"water-rm-{width}"] = Run(with_encoder(one_hot, size=width))
+    new[f"water-rm-6{ALONE_END}"] = _timed(with_encoder(one_hot, size=6), None)
     return new
 
 
@@ -311,8 +308,9 @@ def _own_rates(runs: dict[str, Run]) -> dict[str, Run]:
 
 
 def _timed(config: Config, before: str | None) -> Run:
-    """The beginning of a training, for its time: one seed with the device to itself."""
-    config = replace(config, frames=config.frames // TIMED, selection=replace(config.selection, points=0))
+    """A whole training for its time: one seed with the device to itself. Parameters are not compared on the way, which
+    takes as long as the episodes that are played for it."""
+    config = replace(config, selection=replace(config.selection, points=0))
     return Run(config, before, seeds=ALONE, evaluated=False, alone=True)
 
 

@@ -15,7 +15,7 @@ from experiments.reproduction import runs as planned_runs
 from experiments.reproduction.page import SMOKE, named, page
 from experiments.reproduction.plan import Item, Run, Scale
 from experiments.reproduction.published_runs import KEPT, MORE, VALUES
-from experiments.reproduction.runs import AGENTS, MAPS, TIMED, again_name, all_runs
+from experiments.reproduction.runs import AGENTS, MAPS, again_name, all_runs
 from experiments.reproduction.sections import unit_time
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
@@ -67,7 +67,7 @@ def test_timed_runs_are_those_of_one_seed_and_start_from_such(runs):
         assert len(parse_seeds(Scale("full", "12").apply(runs[name]).seeds)) == 1
         assert runs[name].before is None or runs[name].before in timed
         whole = runs[name.removesuffix("-alone")].config
-        assert runs[name].config.frames * (1 if "pretraining" in name else TIMED) == whole.frames
+        assert runs[name].config.frames == whole.frames
     assert all(run.before not in timed for name, run in runs.items() if name not in timed)
 
 

@@ -62,20 +62,23 @@ def test_the_beginning_stands_beside_what_learns_sooner(make):
 def test_reward_per_minute_counts_pretraining_and_needs_it(make):
     runs = {
         name: make(name, success_rate=rate)
-        for name, rate in (("water-rm", 0.5 + NEAR), ("water-dfa", 0.2 + NEAR), ("water-t1tl", 1 - NEAR))
+        for name, rate in (("water-rm-6", 0.5 + NEAR), ("water-dfa", 0.2 + NEAR), ("water-t1tl", 1 - NEAR))
     }
-    runs |= {f"{name}-alone": make(f"{name}-alone", seeds=(0,), frames=500) for name in list(runs)}  # half of each
-    assert unit_time.reward_sum(runs["water-rm"])[0] == pytest.approx(50.0)  # 10 iterations of 10 episodes
+    runs |= {f"{name}-alone": make(f"{name}-alone", seeds=(0,)) for name in list(runs)}
+    assert unit_time.reward_sum(runs["water-rm-6"])[0] == pytest.approx(50.0)  # 10 iterations of 10 episodes
     text = unit_time.unit_time(runs)
     assert "water-t1tl" not in rows(text)  # without the time of its pre-training
-    assert rows(text)["water-rm"][1:5] == ["10,000", "5,000", "120 s", "30 s"]
-    assert outcome(text, "water-rm > water-dfa") == "reproduced"
+    assert rows(text)["water-rm-6"][1:4] == ["10,000", "60 s", "30 s"]
+    assert outcome(text, "water-rm-6 > water-dfa") == "reproduced"
     assert "Corrected for 10 comparisons, 1 of which can be made so far." in text
     before = "water-pretraining-transformer-alone"
     runs[before] = make(before, seeds=(0,), status={"all_sessions": {"training_seconds": 540.0, "compile_seconds": 0}})
     text = unit_time.unit_time(runs)
-    assert rows(text)["water-t1tl"][1:4] == ["20,000", "15,000", "660 s"]
-    assert outcome(text, "water-t1tl > water-rm") == "not reproduced"
+    assert rows(text)["water-t1tl"][1:3] == ["20,000", "600 s"]
+    assert outcome(text, "water-t1tl > water-rm-6") == "not reproduced"
+    runs["water-dfa_cont"] = make("water-dfa_cont")
+    runs["water-dfa_cont-alone"] = make("water-dfa_cont-alone", seeds=(0,), frames=500)
+    assert "water-dfa_cont" not in rows(unit_time.unit_time(runs))  # half a training tells nothing of a whole one
     assert unit_time.unit_time({}) == ""
 
 

@@ -1,16 +1,13 @@
 """The table of reward per unit time."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from experiments.benchmarks import measured
-from experiments.benchmarks.trainings import training
 from experiments.reproduction.cells import text
 from experiments.reproduction.claims import differences
-from experiments.reproduction.page import paragraph, table
-from experiments.reproduction.runs import ALONE_END
+from experiments.reproduction.page import table
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
 
@@ -24,7 +21,7 @@ PUBLISHED: dict[str, dict[str, tuple[float, float]]] = {
     },
     "water": {
         "t1tl": (2.60, 0.05),
-        "rm": (2.20, 0.20),
+        "rm-6": (2.20, 0.20),
         "dfa": (2.02, 0.52),
         "t2tl": (1.96, 0.08),
         "gnn": (1.95, 0.03),
@@ -38,21 +35,16 @@ UNITS = {"zone": 0.01, "water": 1.0}
 
 WORLDS = {"zone": "ZoneEnv", "water": "WaterWorld"}
 
-CONFIG = {"water": "waterworld_dqn"}
-"""The configurations that are benchmarked as they are timed here."""
-
 READERS = {"t2tl": "transformer", "t1tl": "transformer", "gnn": "gnn"}
 """Which pre-training a method starts from."""
 
 NOTE = """The published unit is not known (the paper's R_i cannot be what its curves show), so only orders compare: that
-of the printed values, every two of a world, though most of their printed spreads overlap. The time of a method
-is one number, of one seed alone on the device, so intervals and outcomes tell of the seeds' rewards alone and
-not of how that time would vary. It is taken over the frames of the column "timed",
-without the comparisons of parameters that a training makes on the way, and is the same for each frame of the whole
-training; pre-training is timed whole. The published RM of WaterWorld reads 6 numbers, ours 16, so that its
-outcomes are of another width than the published ones; rm-6 was not timed. Outcomes are without compiling,
-which the published program has none of. Pre-training and training compile side by side in use; here their
-seconds are added."""
+of the printed values, every two of a world, though most of their printed spreads overlap. The published RM of
+WaterWorld reads 6 numbers (rm-6); rm has 16, which is ours. The time of a method is one number, of one whole training
+and pre-training of one seed alone on the device, so intervals and outcomes tell of the seeds' rewards alone and
+not of how that time would vary. The comparisons of parameters that a training makes on the way are left out of it.
+Outcomes are without compiling, which the published program has none of. Pre-training and training compile side by side
+in use; here their seconds are added."""
 
 
 def unit_time(runs: Mapping[str, Stored]) -> str:
@@ -61,9 +53,9 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
     for name, run in runs.items():
         world, _, method = name.partition("-")
         alone = alone_with_pretraining(runs, world, method)
-        if not alone:
+        if not alone or alone[0].frames != run.frames:
             continue
-        seconds = whole_seconds(run, alone)
+        seconds = sum(one.train_seconds for one in alone)
         compiling = sum(one.compile_seconds for one in alone)
         rewards = reward_sum(run)
         rates[name] = per_minute(rewards, seconds)
@@ -72,7 +64,6 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
             (
                 name,
                 text(rewards, 0),
-                f"{run.frames + sum(one.frames for one in alone[1:]):,}",
                 f"{sum(one.frames for one in alone):,}",
                 f"{seconds:.0f} s",
                 f"{compiling:.0f} s",
@@ -87,7 +78,6 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
         "run",
         "sum of rewards",
         "frames, with pre-training",
-        "timed",
         "time of one seed alone",
         "compile",
         "per minute",
@@ -99,41 +89,7 @@ def unit_time(runs: Mapping[str, Stored]) -> str:
         pairs = claims(world)
         if compared := differences(runs, pairs, rates, "reward per minute", pairs):
             parts += [f"**{title}**", compared]
-    return "\n\n".join([*parts, NOTE, *_beside_a_benchmark(runs)])
-
-
-BENCHMARKS = "benchmark_*.json"
-"""Beside the folder of the paper's runs."""
-
-BESIDE = """These timings are short, and what a training spends once counts in them as if it came back with every
-frame: benchmarks of whole iterations at the same commit made more frames per second with one seed alone on the same
-kind of GPU. {each}. So it is not as much for every method, and of the others it is not known: the outcomes above can
-also be due to how short the timings are. To time whole trainings would tell."""
-
-
-def _beside_a_benchmark(runs: Mapping[str, Stored]) -> list[str]:
-    """How many times as fast iterations were in benchmarks as in the timed runs, where both are stored, of one commit
-    and one kind of device."""
-    each = []
-    for name, run in runs.items():
-        world, _, method = name.removesuffix(ALONE_END).partition("-")
-        if name.endswith(ALONE_END) and world in CONFIG and not method.startswith("pretraining"):
-            rate, own = _benchmarked(run, f"{CONFIG[world]}:{method}"), run.frames / run.train_seconds
-            if rate is not None:
-                each.append(f"{name}: {measured.three_digits(own)} frames/s, {rate / own:.2f} times as many there")
-    return [paragraph(BESIDE.format(each="; ".join(each)))] if each else []
-
-
-def _benchmarked(run: Stored, what: str) -> float | None:
-    """Frames per second of one seed of a training, by a benchmark of a run's commit and kind of device."""
-    for file in sorted(run.path.parents[1].glob(BENCHMARKS)):
-        where, rows = measured.read(file)
-        if where["git_modified"] or any(where[name] != run.versions[name] for name in ("git_revision", "devices")):
-            continue
-        for row in rows:
-            if (row.part, row.what, row.size) == ("training", what, "1 seed"):
-                return row.rate if training(what).learner == run.config.learner else None
-    return None
+    return "\n\n".join([*parts, NOTE])
 
 
 def claims(world: str) -> Pairs:
@@ -151,12 +107,6 @@ def reward_sum(run: Stored) -> dict[int, float]:
 def per_minute(rewards: Mapping[int, float], seconds: float) -> dict[int, float]:
     """Each seed's reward over the same time."""
     return {seed: 60 * reward / seconds for seed, reward in rewards.items()}
-
-
-def whole_seconds(run: Stored, alone: Sequence[Stored]) -> float:
-    """Seconds of a training and its pre-training for one seed, from the beginning of the one and all of the other."""
-    timed, *before = alone
-    return timed.train_seconds * run.frames / timed.frames + sum(one.train_seconds for one in before)
 
 
 def alone_with_pretraining(runs: Mapping[str, Stored], world: str, method: str) -> list[Stored]:
