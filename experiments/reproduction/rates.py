@@ -26,6 +26,7 @@ reward-machine benchmark."""
 OWN_RATE: Mapping[str, Mapping[str, str]] = {
     "zone": {"gnn": "high", "dfa": "high", "dfa_cont": "high"},
     "water": {"dfa_cont": "low"},
+    "safe": {"t2tl": "high", "t1tl": "high", "dfa": "high", "dfa_number": "high", "dfa_cont": "high"},
     "rm": {"crm": "high", "ql": "high", "ql_shaped": "high"},
 }
 """By world whose search is stored in full, the methods for which another rate than the usual one is best, and which of

@@ -28,6 +28,7 @@ from experiments.reproduction.cells import text
 from experiments.reproduction.changed import changed
 from experiments.reproduction.episode import EpisodeGIF
 from experiments.reproduction.graphs import graphs
+from experiments.reproduction.guard_price import guard_price
 from experiments.reproduction.items import PAPER_ITEMS
 from experiments.reproduction.kept_agents import kept_agents
 from experiments.reproduction.measures import frames_before, frames_to
@@ -117,6 +118,7 @@ def documentation(root: Path) -> Documentation:
             "smoke": whole_paper.smoke(results),
             "profiles": profiles.profiles(results),
             "gains": profiles.gains(results),
+            "guard": guard_price(results),
             "graphs": graphs(results),
             "scaling": scaling(results),
             "substep": arithmetic.substep(results),

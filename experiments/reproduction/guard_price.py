@@ -1,0 +1,41 @@
+"""What it costs to freeze seeds whose numbers are not finite: the aim was no measurable cost."""
+
+from pathlib import Path
+
+from experiments.reproduction.page import origin, paragraph, table
+from experiments.reproduction.profiles import GAINS, STEPS
+from t2tl_jax.runs.folder import read_json
+
+STEP = "guard"
+"""What the names of the steps of `experiments.benchmarks.gains` begin with that tell of it."""
+
+SAID = """How much longer an iteration takes with it than without. The aim counts as reached where the 95 % interval of
+the median holds 0, which says as much as the interval is narrow. The measurements stand in the order of time: of two
+of the same thing the later one tells of the later program. Pairs of calls that were too few for an interval are only in
+the table of [gains](#profiles)."""
+
+
+def guard_price(results: Path) -> str:
+    """The price in every stored measurement with an interval, and whether it can be told from none."""
+    rows, wheres = [], []
+    for stored in sorted(map(read_json, results.glob(GAINS)), key=lambda stored: stored["where"]["time"]):
+        where = stored["where"]
+        for name, of in stored["steps"].items():
+            if not name.startswith(STEP) or of.get("low") is None:
+                continue
+            price, low, high = (of[which] - 1 for which in ("measured", "low", "high"))
+            rows.append(
+                (
+                    STEPS[name],
+                    ", ".join(where["devices"]),
+                    where["git_revision"][:7],
+                    str(stored["settings"]["repeats"]),
+                    f"{price:+.1%} [{low:+.1%}, {high:+.1%}]",
+                    "reached" if low <= 0 <= high else "**not reached**" if low > 0 else "none, it is faster",
+                )
+            )
+            wheres.append(where)
+    if not rows:
+        return "Not measured yet."
+    heading = ("what", "hardware", "commit", "pairs", "price", "the aim")
+    return "\n\n".join([paragraph(SAID), table(heading, rows), origin(wheres)])
