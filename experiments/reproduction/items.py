@@ -93,6 +93,8 @@ PAPER_ITEMS: dict[str, Item] = {
             *_names("water-{}", (*named.WATER_METHODS, "rm-6")),
             *_names("zone-{}-alone", named.ZONE_METHODS),
             *_names("water-{}-alone", (*named.WATER_METHODS, "rm-6")),
+            *_names("zone-pretraining-{}", _READERS),
+            *_names("water-pretraining-{}", _READERS),
             *_names("zone-pretraining-{}-alone", _READERS),
             *_names("water-pretraining-{}-alone", _READERS),
         ),

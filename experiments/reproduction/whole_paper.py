@@ -89,12 +89,13 @@ def _beside(name: str) -> bool:
 
 def _benchmark_steps(runs: Mapping[str, Stored]) -> str:
     """What a step of the reward-machine benchmark took, of all its maps at once; '' without its runs."""
-    took = [1e3 * run.train_seconds / run.frames for name, run in runs.items() if name.startswith(BENCHMARK)]
+    took = {name: 1e3 * run.train_seconds / run.frames for name, run in runs.items() if name.startswith(BENCHMARK)}
+    if not took:
+        return ""
+    least, most = min(took, key=lambda name: took[name]), max(took, key=lambda name: took[name])
     return (
-        f" A step of the reward-machine benchmark took {min(took):.2f} to {max(took):.2f} ms, most of them beside "
-        "others on a GPU."
-        if took
-        else ""
+        f" A step of the reward-machine benchmark took {took[least]:.2f} ({least}) to {took[most]:.2f} ms ({most}); "
+        "most ran beside others on a GPU, and only the newest have loops as CUDA graphs."
     )
 
 

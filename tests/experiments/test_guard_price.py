@@ -24,8 +24,10 @@ def test_the_aim_is_missed_where_the_interval_is_above_none(tmp_path):
     store("c", "2026-03", "guard_dqn", 0.97, 0.98)
     store("d", "2026-04", "guard_12", None, None)  # too few pairs
     store("e", "2026-05", "token_parts", 1.1, 1.2)
-    rows = cells(guard_price(tmp_path))
+    said = guard_price(tmp_path)
+    assert f"Not measured with an interval: {STEPS['guard_12']}; {STEPS['guard_t2tl']}." in " ".join(said.split())
+    rows = cells(said)
     del rows["what"]
     assert list(rows) == [STEPS["guard_mjx"], STEPS["guard"], STEPS["guard_dqn"]]
-    assert [row[-1] for row in rows.values()] == ["reached", "**not reached**", "none, it is faster"]
+    assert [row[4] for row in rows.values()] == ["not told from none", "**a price**", "faster with it"]
     assert rows[STEPS["guard"]][:4] == ["cpu", "abcdefg", "11", "+2.0% [+1.0%, +3.0%]"]

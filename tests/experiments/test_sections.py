@@ -12,7 +12,7 @@ import pytest
 from experiments.paper import published_widths, step_tables
 from experiments.reproduction import cells, chance, measures, representations
 from experiments.reproduction.items import ITEMS
-from experiments.reproduction.sections import ablation, figures, safe, steps, unit_time, widths
+from experiments.reproduction.sections import ablation, figures, safe, steps, timing_doubts, unit_time, widths
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.work import READING
 from tests.made_up_runs import NEAR, outcome, played, pretrained, reading, rows
@@ -71,15 +71,34 @@ def test_reward_per_minute_counts_pretraining_and_needs_it(make):
     assert rows(text)["water-rm-6"][1:4] == ["10,000", "60 s", "30 s"]
     assert outcome(text, "water-rm-6 > water-dfa") == "reproduced"
     assert "Corrected for 10 comparisons, 1 of which can be made so far." in text
-    before = "water-pretraining-transformer-alone"
-    runs[before] = make(before, seeds=(0,), status={"all_sessions": {"training_seconds": 540.0, "compile_seconds": 0}})
+    before = "water-pretraining-transformer"
+    runs[before] = make(before, frames=1500)  # half as many again as the one seed alone needed
+    assert unit_time.unit_time(runs) == text
+    alone = f"{before}-alone"
+    runs[alone] = make(alone, seeds=(0,), status={"all_sessions": {"training_seconds": 360.0, "compile_seconds": 0}})
     text = unit_time.unit_time(runs)
-    assert rows(text)["water-t1tl"][1:3] == ["20,000", "600 s"]
+    assert rows(text)["water-t1tl"][1:3] == ["25,000", "600 s"]  # 60 and one and a half times 360
     assert outcome(text, "water-t1tl > water-rm-6") == "not reproduced"
     runs["water-dfa_cont"] = make("water-dfa_cont")
     runs["water-dfa_cont-alone"] = make("water-dfa_cont-alone", seeds=(0,), frames=500)
     assert "water-dfa_cont" not in rows(unit_time.unit_time(runs))  # half a training tells nothing of a whole one
     assert unit_time.unit_time({}) == ""
+
+
+def test_the_time_of_another_training_is_not_taken(make):
+    runs = {"water-rm-6": make("water-rm-6", success_rate=0.5 + NEAR)}
+    runs["water-rm-6-alone"] = make("water-rm-alone", seeds=(0,))  # whose code has another width
+    assert unit_time.unit_time(runs) == ""
+
+
+def test_orders_that_hang_on_a_tenth_of_a_time_are_named(make):
+    wanted = {"water-rm-6": 0.55 + NEAR, "water-dfa": 0.5 + NEAR, "water-t1tl": 0.95 + NEAR}
+    runs = {name: make(name, success_rate=rate) for name, rate in wanted.items()}
+    rates = {name: unit_time.per_minute(unit_time.reward_sum(run), 60.0) for name, run in runs.items()}
+    pairs = [("water-rm-6", "water-dfa"), ("water-t1tl", "water-dfa"), ("water-t1tl", "water-gnn")]
+    (said,) = timing_doubts.doubts(runs, {"water": pairs}, rates)
+    assert "these outcomes would be others: water-rm-6 > water-dfa." in " ".join(said.split())
+    assert timing_doubts.doubts(runs, {"water": pairs[1:]}, rates) == []
 
 
 def test_printed_rewards_per_unit_time_stand_in_their_order():

@@ -61,7 +61,8 @@ STAYS = "The usual rate is best for every method, so that nothing is trained aga
 
 
 ON_FRESH_SEEDS = """A difference whose interval holds 0 does not say that the rate which was taken on four seeds is
-better on the reported ones, nor that it is worse."""
+better on the reported ones, nor that it is worse; one whose interval lies below 0 says that it is worse there. The two
+runs of a method may be of different commits, and may have shared a GPU or not: their seconds do not compare."""
 
 
 def planned() -> tuple[str, ...]:
