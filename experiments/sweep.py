@@ -18,8 +18,9 @@ STARTED = time.monotonic()
 
 DESCRIPTION = f"""Train every point of a grid of settings, each with the same seeds, and compare them; or search.
 
-  --grid FIELD=VALUE,VALUE  a field of the configuration and its values; give several to train their product. 'method'
-                            counts as a field. Separate the sizes of a tuple by spaces: 'FIELD=64 64,128 128'
+  --grid FIELD=VALUE,VALUE  a field of the configuration and its values; of several, here or by more such flags, the
+                            product is trained. 'method' counts as a field. Separate the sizes of a tuple by spaces:
+                            'FIELD=64 64,128 128'
   --search TRIALS           instead of a grid, try this many settings proposed by Optuna (the extra 'search')
   --space FIELD=RANGE       what a search varies: 0.9..0.99, log:1e-5..1e-3, or values such as gelu,relu
   --batch TRIALS            how many settings are proposed and trained at a time; 8 by default

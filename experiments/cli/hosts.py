@@ -19,7 +19,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.cli import last_words
+from experiments.cli import finding, last_words
 from t2tl_jax.errors import UserError
 
 FLAG = "--hosts"
@@ -119,9 +119,11 @@ def _join(hosts: Hosts) -> None:
         options |= {"cluster_detection_method": "deactivate"}
     jax.config.update("jax_cpu_collectives_implementation", "gloo")
     try:
-        jax.distributed.initialize(**options)
+        with finding.told():
+            jax.distributed.initialize(**options)
     except (RuntimeError, ValueError, KeyError) as error:
         raise UserError(f"{FLAG} {hosts.address}: the processes do not find each other: {error}") from error
+    last_words.met()
 
 
 class Watch:

@@ -29,6 +29,14 @@ WAY_OUT = "The others end with it. The run goes on from its last checkpoint with
 
 LOST = f"error: another process of this run ended, most likely process 0, which the others cannot reach\n{WAY_OUT}\n"
 
+NEVER_MET = """error: the processes of this run did not find each other
+All of them have to be started, with one address of the first one, which every host can reach, and a port that is free.
+"""
+"""Of an abort before they had."""
+
+MET = b"\0met\n"
+"""What this process writes to the descriptor, for the other one alone, once they have."""
+
 _other: subprocess.Popen[bytes] | None = None
 
 
@@ -60,6 +68,12 @@ def _end_if_lost() -> None:
         os._exit(EXIT)
 
 
+def met() -> None:
+    """The processes of the run have found each other: an abort means another thing from now on."""
+    if _other is not None:
+        os.write(2, MET)
+
+
 def close() -> bool:
     """Nothing is shown any more of what is written to the descriptor; returns whether there was talk of an abort."""
     if _other is None:
@@ -74,11 +88,15 @@ def close() -> bool:
 
 def readable(lines: Iterable[bytes]) -> Iterator[bytes]:
     """The same lines, up to an abort for want of the first process; in its place, what it means."""
+    found = False
     for line in lines:
+        if MET in line:  # perhaps behind the beginning of another one
+            found, line = True, line.replace(MET, b"")
         if ABORTED.match(line):
-            yield LOST.encode()
+            yield (LOST if found else NEVER_MET).encode()
             return
-        yield line
+        if line:
+            yield line
 
 
 def main() -> int:
@@ -91,7 +109,7 @@ def main() -> int:
     for text in readable(sys.stdin.buffer):
         with suppress(OSError):  # nobody reads
             os.write(2, text)
-    return SPOKE if text == LOST.encode() else 0
+    return SPOKE if text in (LOST.encode(), NEVER_MET.encode()) else 0
 
 
 if __name__ == "__main__":

@@ -55,8 +55,8 @@ def read(texts: Sequence[str]) -> Plan:
         UserError: for anything that cannot be used.
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
-    parser.add_argument("--grid", action="append", default=[])
-    parser.add_argument("--space", action="append", default=[])
+    parser.add_argument("--grid", action="extend", nargs="+", default=[])
+    parser.add_argument("--space", action="extend", nargs="+", default=[])
     parser.add_argument("--search", type=int)
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--search-seed", type=int, default=0)
@@ -64,7 +64,7 @@ def read(texts: Sequence[str]) -> Plan:
     jobs = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     jobs.add_argument("--workers", type=int)
     jobs.add_argument("--cluster", choices=ENGINES)
-    jobs.add_argument("--cluster-option", action="append", default=[])
+    jobs.add_argument("--cluster-option", action="extend", nargs="+", default=[])
     jobs.add_argument("--only")
     try:
         handed, words = jobs.parse_known_args(texts)

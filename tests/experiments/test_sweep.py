@@ -10,7 +10,7 @@ import tests.fake_learner  # noqa: F401, the configuration `fake`
 from experiments import compare, evaluate, sweep
 from experiments.cli import grid, request
 from experiments.cli.grid import Point
-from experiments.sweeps import work
+from experiments.sweeps import plan, work
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import folder as run_folder
 from t2tl_jax.runs.group import CONTENT, group_folder
@@ -98,6 +98,12 @@ def test_what_cannot_be_swept_is_refused(texts, said):
 
 def command(folder, *flags):
     return sweep.main(["--config", "fake", "--folder", str(folder), "--seeds", "2", *flags])
+
+
+def test_axes_stand_after_one_flag_or_after_several():
+    one, two = "learner.rate=1e-2,3e-2", "episode-length=5,6"
+    read = [plan.read(["--config", "fake", *words]) for words in (("--grid", one, two), ("--grid", one, "--grid", two))]
+    assert len(read[0].points) == 4 and read[0].points == read[1].points
 
 
 @pytest.mark.slow

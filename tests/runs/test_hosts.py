@@ -10,12 +10,13 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from experiments import run
-from experiments.cli import hosts, last_words
+from experiments.cli import finding, hosts, last_words
 from t2tl_jax import load, resume, train
 from t2tl_jax.errors import UserError, explained
 from t2tl_jax.registry import named_config
@@ -173,8 +174,47 @@ def test_an_abort_for_want_of_the_first_process_is_told_in_words():
     """And nothing else is: what is no abort, or one for another reason."""
     other = [b"W1125 07:28:32.908701 2152 slow.cc:1] slow\n", b"F1125 07:28:32.908701 2152 b.cc:1] Check failed\n"]
     fatal = b"F1125 07:28:10.1 1625 client.h:80] Terminating process because the JAX distributed service detected\n"
-    assert list(last_words.readable(other)) == other
-    assert list(last_words.readable([other[0], fatal, b"*** trace\n"])) == [other[0], last_words.LOST.encode()]
+    met = last_words.MET
+    assert list(last_words.readable([*other, met])) == other
+    assert list(last_words.readable([met, other[0], fatal, b"*** trace\n"])) == [other[0], last_words.LOST.encode()]
+    assert list(last_words.readable([b"half a line" + met, fatal])) == [b"half a line", last_words.LOST.encode()]
+    assert list(last_words.readable([fatal, met])) == [last_words.NEVER_MET.encode()]
+
+
+# ----- who looks for whom -----
+
+
+@pytest.fixture
+def look(monkeypatch, capsys):
+    """What is said by a process that has looked for the first one for long, and whether it ends."""
+
+    def looked(address, seconds=0.3):
+        ended = []
+        monkeypatch.setattr(finding, "SOON", 0.1)
+        monkeypatch.setattr(finding.os, "_exit", ended.append)
+        state = SimpleNamespace(coordinator_address=address, process_id=1, num_processes=2)
+        monkeypatch.setattr("jax._src.distributed.global_state", state)
+        with finding.told():
+            time.sleep(seconds)
+        return capsys.readouterr().err, ended
+
+    return looked
+
+
+def test_who_waits_for_long_says_for_whom(look):
+    said, ended = look("localhost:1234")
+    assert "process 1 of 2 waits" in said and "localhost:1234" in said and not ended
+    assert look("localhost:1234", seconds=0) == look(None) == ("", [])
+
+
+def test_a_name_that_leads_nowhere_ends_the_wait(look, monkeypatch):
+    def nowhere(*_):
+        raise OSError("Name or service not known")
+
+    monkeypatch.setattr(finding.socket, "getaddrinfo", nowhere)
+    said, ended = look("node7:1234")
+    assert "looks for the first one at node7:1234" in said and "Name or service not known" in said
+    assert ended[0] == 2
 
 
 # ----- two processes -----
