@@ -71,7 +71,8 @@ def _end_if_lost() -> None:
 def met() -> None:
     """The processes of the run have found each other: an abort means another thing from now on."""
     if _other is not None:
-        os.write(2, MET)
+        with suppress(OSError):  # without it, only the words of a later abort are others
+            os.write(2, MET)
 
 
 def close() -> bool:

@@ -10,7 +10,7 @@ STEP = "guard"
 """What the names of the steps of `experiments.benchmarks.gains` begin with that tell of it."""
 
 SAID = """How much longer an iteration takes with it than without. Where the 95 % interval of the median holds 0 the
-price is not told from none, which says as much as the interval is narrow. The measurements stand in the order of time:
+price is not told from none; a wide interval says little. The measurements stand in the order of time:
 of two of the same thing the later one tells of the later program. Pairs of calls that were too few for an interval are
 only in the table of [gains](#profiles)."""
 
@@ -31,14 +31,14 @@ def guard_price(results: Path) -> str:
                     where["git_revision"][:7],
                     str(stored["settings"]["repeats"]),
                     f"{price:+.1%} [{low:+.1%}, {high:+.1%}]",
-                    "not told from none" if low <= 0 <= high else "**a price**" if low > 0 else "faster with it",
+                    "no" if low <= 0 <= high else "**yes**" if low > 0 else "yes, faster",
                     stored.get("beside", ""),
                 )
             )
             wheres.append(where)
     if not rows:
         return "Not measured yet."
-    heading = ("what", "hardware", "commit", "pairs", "price", "no cost?", "beside")
+    heading = ("what", "hardware", "commit", "pairs", "price", "told from none?", "what ran beside it")
     measured = {row[0] for row in rows}
     left = [what for name, what in STEPS.items() if name.startswith(STEP) and what not in measured]
     not_yet = [paragraph(f"Not measured with an interval: {'; '.join(left)}.")] if left else []

@@ -48,6 +48,31 @@ class Plan:
     """Who trains them instead of this process."""
 
 
+SEVERAL = ("--grid", "--space", "--cluster-option")
+"""Flags after which several values may stand."""
+
+
+def one_each(texts: Sequence[str]) -> list[str]:
+    """The same words with one value for each of `SEVERAL`: ``--grid A B`` becomes ``--grid=A --grid=B``.
+
+    By hand, since `argparse` would take words such as ``--task=!Red U Black``, which have spaces, for more values.
+    """
+    words: list[str] = []
+    flag, bare = "", False  # whose values may follow, and whether none did so far
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not text.startswith("--") and flag:
+            words.append(f"{flag}={text}")
+            bare = False
+            continue
+        if bare:
+            words.append(flag)
+        flag, bare = (name, not equals) if name in SEVERAL else ("", False)
+        if not bare:
+            words.append(f"{name}={value}" if flag else text)
+    return [*words, flag] if bare else words
+
+
 def read(texts: Sequence[str]) -> Plan:
     """What the command line asks for.
 
@@ -55,8 +80,8 @@ def read(texts: Sequence[str]) -> Plan:
         UserError: for anything that cannot be used.
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
-    parser.add_argument("--grid", action="extend", nargs="+", default=[])
-    parser.add_argument("--space", action="extend", nargs="+", default=[])
+    parser.add_argument("--grid", action="append", default=[])
+    parser.add_argument("--space", action="append", default=[])
     parser.add_argument("--search", type=int)
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--search-seed", type=int, default=0)
@@ -64,10 +89,10 @@ def read(texts: Sequence[str]) -> Plan:
     jobs = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     jobs.add_argument("--workers", type=int)
     jobs.add_argument("--cluster", choices=ENGINES)
-    jobs.add_argument("--cluster-option", action="extend", nargs="+", default=[])
+    jobs.add_argument("--cluster-option", action="append", default=[])
     jobs.add_argument("--only")
     try:
-        handed, words = jobs.parse_known_args(texts)
+        handed, words = jobs.parse_known_args(one_each(texts))
         own, rest = parser.parse_known_args(words)
     except argparse.ArgumentError as error:
         raise UserError(f"{error}; see --help") from error

@@ -106,6 +106,22 @@ def test_axes_stand_after_one_flag_or_after_several():
     assert len(read[0].points) == 4 and read[0].points == read[1].points
 
 
+@pytest.mark.parametrize(
+    ("given", "read"),
+    [
+        (["--grid", "a=1", "b=2", "--seeds", "4"], ["--grid=a=1", "--grid=b=2", "--seeds", "4"]),
+        (["--grid=a=1", "b=2"], ["--grid=a=1", "--grid=b=2"]),
+        (["--grid=a=64 64,128 128"], ["--grid=a=64 64,128 128"]),
+        (["--cluster-option", "x=1", "--task=!Red U Black"], ["--cluster-option=x=1", "--task=!Red U Black"]),
+        (["--seeds", "4", "--grid", "a=-1"], ["--seeds", "4", "--grid=a=-1"]),
+        (["--grid", "--seeds", "4"], ["--grid", "--seeds", "4"]),
+        (["--space", "a=1,2", "--grid"], ["--space=a=1,2", "--grid"]),
+    ],
+)
+def test_several_values_after_one_flag_are_one_each(given, read):
+    assert plan.one_each(given) == read
+
+
 @pytest.mark.slow
 def test_a_sweep_leaves_ordinary_runs_a_table_and_a_picture(tmp_path, capsys):
     grids = ("--grid", "learner.rate=1e-2,3e-2", "--grid", "episode-length=5,6")
