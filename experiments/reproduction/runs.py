@@ -22,8 +22,8 @@ ZONE_FRAMES = 10_000_000
 """The paper's budget on `phi_zone`."""
 
 ZONE_SEARCH_FRAMES, RM_SEARCH_FRAMES = 3_000_000, 400_000
-"""Of a search on `phi_zone`, as many as `zone_ppo` has, and of one in the reward-machine benchmark, where each step is
-an update. The others have all."""
+"""Of a search in ZoneEnv, as many as `zone_ppo` has, and of one in the reward-machine benchmark, where each step is an
+update. That in WaterWorld has all."""
 
 ALONE_END = "-alone"
 """Ending of the names of runs of one seed that has the device to itself, for its time."""
@@ -77,8 +77,15 @@ def again_name(name: str) -> str:
     return f"{name}-again"
 
 
+MADE_AGAIN = {f"zone-{method}-pre-own": f"zone-{method}" for method in ("t2tl", "t1tl", "gnn")} | {
+    "zone-t1tl-pre-none": "zone-t1tl-fresh-16"
+}
+"""Other runs that are made once more, as what others of one commit are compared with: by name, the first one."""
+
 AGENTS = (
     *(f"zone-{method}" for method in ZONE_METHODS),
+    *(f"safe-{method}" for method in ZONE_METHODS),
+    "prime-own",
     *(again_name(f"water-{method}") for method in WATER_METHODS),
     *ANY_AGENTS,
 )
@@ -108,13 +115,13 @@ def all_runs() -> Mapping[str, Run]:
     return MappingProxyType(runs | _own_rates(runs) | any_runs())
 
 
-def _zone_base(frames: int = ZONE_FRAMES) -> Config:
-    """`zone_ppo` with the paper's budget, or another one.
+def _zone_base(frames: int = ZONE_FRAMES, name: str = "zone_ppo") -> Config:
+    """A short configuration of ZoneEnv with the paper's budget, or another one.
 
     Exploration fades over the same frames as in the shorter default. The learning rate falls to 0: at a constant one,
     agents that have long solved a task and get hardly any gradient are lost again now and then.
     """
-    base = named_config("zone_ppo")
+    base = named_config(name)
     learner: Any = base.learner
     decay = learner.noise_decay * base.frames / frames
     return replace(base, frames=frames, learner=replace(learner, noise_decay=decay, anneal_learning_rate=True))
@@ -141,18 +148,17 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
         config = with_encoder(apply(base, "t1tl"), output=width)
         new[f"zone-t1tl-fresh-{width}"] = Run(replace(config, pretrained=""))
     new["zone-dfa-32"] = Run(with_encoder(apply(base, "dfa"), size=32))  # 1 and 16 are among the six methods
-    short = named_config("zone_ppo")
     for method in ("t2tl", "t1tl", "gnn"):
         for kind in ("none", "own", "random"):
-            config = apply(short, method)
+            config = apply(base, method)
             before = None if kind == "none" else pretraining_run(runs, "zone", config, kind, new)
             config = replace(config, pretrained="") if before is None else config
             new[f"zone-{method}-pre-{kind}"] = Run(config, before)
-    safe = named_config("zone_ppo_safe")
+    safe = _zone_base(name="zone_ppo_safe")
     for method in ZONE_METHODS:
         config = apply(safe, method)
         new[f"safe-{method}"] = Run(config, pretraining_run(new, "safe", config))
-    prime = replace(short, task="phi_zone_prime")
+    prime = replace(base, task="phi_zone_prime")
     new["prime-fresh"] = Run(replace(prime, pretrained=""), read=True)
     new["prime-own"] = Run(prime, pretraining_run(new, "prime", prime), read=True)
     dropping = replace(prime, progression="paper")
@@ -161,7 +167,7 @@ def _zone_variants(runs: dict[str, Run]) -> dict[str, Run]:
     published = named_config("zone_ppo_published")
     without = with_context(published, first_token="none")  # it was made before there was that token
     new["zone-published"] = Run(without, pretraining_run(new, "zone-published", without))
-    new["zone-gru-reader"] = Run(with_gru_reader(short), "zone-pretraining-transformer")
+    new["zone-gru-reader"] = Run(with_gru_reader(base), "zone-pretraining-transformer")
     return new | published_runs()
 
 
@@ -275,7 +281,7 @@ def _searches(runs: dict[str, Run]) -> dict[str, Run]:
     of_methods = {
         "zone": _zone_base(ZONE_SEARCH_FRAMES),
         "water": named_config("waterworld_dqn"),
-        "safe": named_config("zone_ppo_safe"),
+        "safe": _zone_base(ZONE_SEARCH_FRAMES, "zone_ppo_safe"),
     }
     new: dict[str, Run] = {}
     for world, base in of_methods.items():

@@ -9,7 +9,7 @@ from experiments.reproduction import budgets, rates, work
 from experiments.reproduction.items import PAPER_ITEMS
 from experiments.reproduction.page import origin, paragraph
 from experiments.reproduction.published_runs import MORE
-from experiments.reproduction.runs import again_name, all_runs
+from experiments.reproduction.runs import MADE_AGAIN, again_name, all_runs
 from experiments.reproduction.sections import figures
 from experiments.reproduction.sections.ablation import EVERY
 from experiments.reproduction.stored import Stored
@@ -84,7 +84,7 @@ def where_the_minutes_are(runs: Mapping[str, Stored]) -> str:
 def _beside(name: str) -> bool:
     """Whether a run is of a search, one that was made again or on more seeds, or a piece of the published program."""
     begins = name.startswith((rates.SEARCH, figures.BASE, f"zone-published{MORE}"))
-    return begins or name.endswith((again_name(""), rates.own_name(""), MORE))
+    return begins or name in MADE_AGAIN or name.endswith((again_name(""), rates.own_name(""), MORE))
 
 
 def _benchmark_steps(runs: Mapping[str, Stored]) -> str:

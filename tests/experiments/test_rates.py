@@ -70,8 +70,8 @@ def test_every_method_has_the_same_search_of_its_main_run(runs, world, method):
         assert run.search and not run.evaluated and run.suites == () and not run.read
         assert same_program(run.config, points[rates.SHARED].config)  # one program serves all three
         others = fields(main.config, run.config) - {"learner.learning_rate", "selection.points"}
-        assert others == {"zone": OF_ZONE, "rm": {"frames"}}.get(world, set())
-    fewer = {"zone": ZONE_SEARCH_FRAMES, "rm": RM_SEARCH_FRAMES}
+        assert others == {"zone": OF_ZONE, "safe": OF_ZONE, "rm": {"frames"}}.get(world, set())
+    fewer = {"zone": ZONE_SEARCH_FRAMES, "safe": ZONE_SEARCH_FRAMES, "rm": RM_SEARCH_FRAMES}
     assert points["low"].config.frames == fewer.get(world, main.config.frames)
 
 

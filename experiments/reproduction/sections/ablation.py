@@ -8,8 +8,8 @@ import numpy as np
 from experiments.reproduction.cells import COST, cost, median_frames, share, solved, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.measures import delayed, frames_before, frames_to
-from experiments.reproduction.page import commit, table
-from experiments.reproduction.runs import again_name
+from experiments.reproduction.page import commit, paragraph, table
+from experiments.reproduction.runs import MADE_AGAIN, again_name
 from experiments.reproduction.sections.settings import chosen, settings
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
@@ -57,7 +57,7 @@ def ablation(
         rows = [(name, *(cell for _, cells in columns for cell in cells[index])) for index, name in enumerate(runs)]
         what = f"mean {WORDS[unit]} over training"
         parts = [table(heading, rows), differences(runs, pairs, areas, what, claims)]
-        parts += [settings(runs, pairs), chosen(runs)]
+        parts += [settings(runs, pairs), made_again(runs), chosen(runs)]
         if codes:
             parts.append(CODES_NOTE)
         parts.append(small_batches(runs))
@@ -67,6 +67,15 @@ def ablation(
         return "\n\n".join(part for part in parts if part)
 
     return section
+
+
+def made_again(runs: Mapping[str, Stored]) -> str:
+    """Which of the runs have the configuration and the seeds of another that is shown elsewhere; '' for none."""
+    both = {name: MADE_AGAIN[name] for name in runs if name in MADE_AGAIN}
+    if not both:
+        return ""
+    each = ", ".join(f"`{name}` is `{first}`" for name, first in both.items())
+    return paragraph(f"Made once more, so that what is compared is of one commit: {each}, on the same seeds.")
 
 
 PRINTED_ZONE = ("prime-own", "prime-progression-paper", "prime-labels-state")

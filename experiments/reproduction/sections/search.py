@@ -47,15 +47,15 @@ CLAIMED = {
 
 NOTES = f"""The search is the same for every method: the learning rate at a third of the usual one, which all methods
 of a world share (in the reward-machine benchmark crm and ql have one each, shaped or not), at that one, and at three
-times it, and nothing else. Budget and schedule are those of the main runs, but for `phi_zone` 3 million frames
-instead of 10 and in the benchmark 400,000 instead of 2 million, over which learning rates fall to 0; the noise fades
-over the same 1.5 million frames as in the main runs on `phi_zone`, and random actions over the same share of the
-frames in the benchmark; encoders are pre-trained as for the main runs, on the seeds of the search. The best rate has
-the highest mean over seeds of the discounted return over the last {100 * LAST:g} % of training, which is what
-`experiments.sweep --search` maximises (a seed in which no episode ended there counts -1); the usual rate is kept
-where no other mean is above its. That is a plain maximum of few seeds, so that another rate may be taken by chance:
-what it is worth is measured on the seeds that are reported. A better rate may lie between or beyond the three, what
-is best after fewer frames need not be best after all, and no other setting was searched for by method."""
+times it, and nothing else. Budget and schedule are those of the main runs, but in ZoneEnv 3 million frames instead of
+10 and in the benchmark 400,000 instead of 2 million, over which learning rates fall to 0; the noise fades over the same
+1.5 million frames as in the main runs in ZoneEnv, and random actions over the same share of the frames in the
+benchmark; encoders are pre-trained as for the main runs, on the seeds of the search. The best rate has the highest mean
+over seeds of the discounted return over the last {100 * LAST:g} % of training, which is what `experiments.sweep
+--search` maximises (a seed in which no episode ended there counts -1); the usual rate is kept where no other mean is
+above its. That is a plain maximum of few seeds, so that another rate may be taken by chance: what it is worth is
+measured on the seeds that are reported. A better rate may lie between or beyond the three, what is best after fewer
+frames need not be best after all, and no other setting was searched for by method."""
 
 STAYS = "The usual rate is best for every method, so that nothing is trained again."
 
