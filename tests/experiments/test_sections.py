@@ -12,6 +12,7 @@ import pytest
 from experiments.paper import published_widths, step_tables
 from experiments.reproduction import cells, chance, measures, representations
 from experiments.reproduction.items import ITEMS
+from experiments.reproduction.runs import ZONE_FRAMES
 from experiments.reproduction.sections import ablation, figures, safe, steps, timing_doubts, unit_time, widths
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.work import READING
@@ -165,6 +166,15 @@ def test_simultaneous_learning_is_claimed_and_its_pieces_are_not(make):
     assert outcome(text, "water-rm > water-dfa") == "reproduced"
     assert outcome(text, "water-rm - water-rm-every-step") == "not claimed"
     assert "Corrected for 6 comparisons, 2 of which can be made so far." in text
+
+
+def test_a_main_run_that_was_made_once_more_is_named_where_it_has_its_budget(make):
+    section = ITEMS["pretraining-zone"].section
+    short = make("zone-t1tl-pre-own")
+    assert "once more" not in section({"zone-t1tl-pre-own": short})
+    whole = {name: make(name, frames=ZONE_FRAMES // 10) for name in ("zone-t2tl-pre-own", "zone-t2tl-pre-none")}
+    said = " ".join(section(whole).split())
+    assert "is of one commit: `zone-t2tl-pre-own` is `zone-t2tl`, on the same seeds." in said
 
 
 def test_labels_as_printed_stand_beside_both_trainings_of_the_default(make):

@@ -276,7 +276,7 @@ def test_runs_come_by_the_work_that_follows_on_them_and_those_alone_last():
     assert any(early) and early == sorted(early, reverse=True)
     # What takes longest and needs nothing, then a pre-training that much waits for, then what takes less than that.
     assert place["rm-crm"] < place["zone-published-pretraining-transformer"] < place["zone-pretraining-transformer"]
-    assert place["zone-pretraining-transformer"] < place["water-rm"] < place["safe-pretraining-gnn"]
+    assert place["zone-pretraining-transformer"] < place["water-rm"] < place["search-zone-pretraining-gnn"]
 
 
 def test_device_names():

@@ -9,7 +9,7 @@ from experiments.reproduction.cells import COST, cost, median_frames, share, sol
 from experiments.reproduction.claims import differences
 from experiments.reproduction.measures import delayed, frames_before, frames_to
 from experiments.reproduction.page import commit, paragraph, table
-from experiments.reproduction.runs import MADE_AGAIN, again_name
+from experiments.reproduction.runs import MADE_AGAIN, ZONE_FRAMES, again_name
 from experiments.reproduction.sections.settings import chosen, settings
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
@@ -71,7 +71,7 @@ def ablation(
 
 def made_again(runs: Mapping[str, Stored]) -> str:
     """Which of the runs have the configuration and the seeds of another that is shown elsewhere; '' for none."""
-    both = {name: MADE_AGAIN[name] for name in runs if name in MADE_AGAIN}
+    both = {name: MADE_AGAIN[name] for name, run in runs.items() if name in MADE_AGAIN and run.frames >= ZONE_FRAMES}
     if not both:
         return ""
     each = ", ".join(f"`{name}` is `{first}`" for name, first in both.items())
