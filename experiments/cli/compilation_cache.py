@@ -9,14 +9,10 @@ from experiments.cli import plugins
 from t2tl_jax.errors import UserError
 from t2tl_jax.runs import kept_traces
 
-LEAST = "jax_persistent_cache_min_compile_time_secs"
-"""JAX's limit in seconds below which a program is not kept. Ten or more that a start needs are below the default."""
-
 
 def use(folder: str) -> None:
     """Keep compiled and traced programs in a folder, or where the user chose one for compiled ones in JAX's own way;
-    for ``''`` nothing is kept, but what that way asks for. However short a program took to compile, it is kept, unless
-    the user chose the time too.
+    for ``''`` nothing is kept, but what that way asks for.
 
     Raises:
         UserError: if the folder cannot be made.
@@ -25,8 +21,6 @@ def use(folder: str) -> None:
     _keep_traces(None)
     if not folder:
         return
-    if LEAST.upper() not in os.environ:
-        jax.config.update(LEAST, 0.0)
     if chosen:
         _keep_traces(None if "://" in chosen else Path(chosen))
         return

@@ -15,11 +15,10 @@ from t2tl_jax.runs.folder import open_existing
 @pytest.fixture
 def chosen(monkeypatch):
     """The folder that JAX will use, read anew at each call; put back afterwards."""
-    before = {name: getattr(jax.config, name) for name in ("jax_compilation_cache_dir", compilation_cache.LEAST)}
+    before = jax.config.jax_compilation_cache_dir
     monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR")
     yield lambda: jax.config.jax_compilation_cache_dir
-    for name, value in before.items():
-        jax.config.update(name, value)
+    jax.config.update("jax_compilation_cache_dir", before)
 
 
 def test_the_folder_is_made_and_used(tmp_path, chosen):
@@ -33,18 +32,6 @@ def test_the_way_of_jax_comes_first(tmp_path, chosen, monkeypatch):
     for folder in ("", str(tmp_path / "a")):
         compilation_cache.use(folder)
     assert chosen() == before and not list(tmp_path.iterdir())
-
-
-def test_programs_are_kept_however_short_they_took_unless_the_user_chose(tmp_path, chosen, monkeypatch):
-    before = getattr(jax.config, compilation_cache.LEAST)
-    monkeypatch.setenv(compilation_cache.LEAST.upper(), str(before))
-    compilation_cache.use(str(tmp_path))
-    assert getattr(jax.config, compilation_cache.LEAST) == before
-    monkeypatch.delenv(compilation_cache.LEAST.upper())
-    compilation_cache.use("")
-    assert getattr(jax.config, compilation_cache.LEAST) == before
-    compilation_cache.use(str(tmp_path))
-    assert getattr(jax.config, compilation_cache.LEAST) == 0
 
 
 def test_a_folder_that_cannot_be_made_is_explained(tmp_path, chosen):
