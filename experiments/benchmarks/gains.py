@@ -69,6 +69,7 @@ def _main(texts: list[str]) -> int:
         for name in arguments.steps or STEPS:
             found[name] = compare(*KNOWN[name](), arguments.repeats)
             print(f"{name}: {found[name]}", flush=True)
+            json_file.store_so_far(arguments, "experiments.benchmarks.gains", texts, steps=found)
     json_file.store(arguments, "experiments.benchmarks.gains", texts, steps=found)
     return 0
 

@@ -73,6 +73,8 @@ HOST = "processor"
 """The kind of CPU of the machine of a start."""
 EARLY = ("trial_early_start.json", "trial_early_start_shared.json", "starts_h100_four.json")
 """Of the same: with and without a GPU that is started while modules load, by turns; with it; and without it."""
+SMALL = ("trial_small_programs.json", "starts_h200_kept_shared.json")
+"""Of the same: with programs kept however short they took to compile, and as JAX keeps them."""
 STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 """Of `experiments.benchmarks.starts`, among the results; and of the same and a benchmark under
 ``XLA_FLAGS=--xla_gpu_enable_triton_gemm=false``."""
@@ -117,7 +119,7 @@ def aims(results: Path) -> str:
     parts = (
         shown,
         _both_starts(begun),
-        *map(paragraph, (*notes, *starts, *_early(results))),
+        *map(paragraph, (*notes, *starts, *_early(results), *_small(results))),
         paragraph(" ".join((LAYERS, _without_triton(results, begun)))),
     )
     return "\n\n".join(parts)
@@ -161,6 +163,22 @@ def _early(results: Path) -> list[str]:
         f"later one took {later['with']} s with it and {later['without']} s without. On a shared host with four GPUs a "
         f"second start took: {'; '.join(second)}. That is no clear gain, a GPU that fails was hidden by it, and it was "
         f"taken out. {stored['note']} {origin([stored['where']])}"
+    ]
+
+
+def _small(results: Path) -> list[str]:
+    """What a trial gained that kept every compiled program, however small: starts with it and without."""
+    if not all((results / name).is_file() for name in SMALL):
+        return []
+    every, usual = (read_json(results / name) for name in SMALL)
+    second = []
+    for what, of in every["starts"].items():
+        with_it, without = (starts["second"]["process"] for starts in (of, usual["starts"][what]))
+        second.append(f"`{what}` {with_it:.1f} s with it and {without:.1f} s without")
+    return [
+        "A trial kept every compiled program. A second start still compiles a dozen that take less than a second each, "
+        f"which is JAX's limit for keeping one. It took: {'; '.join(second)}. So that gained nothing, and was taken "
+        f"out. {every['note']} {origin([every['where']])}"
     ]
 
 

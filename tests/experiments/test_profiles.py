@@ -8,12 +8,14 @@ import jax.numpy as jnp
 import pytest
 
 from experiments.benchmarks import gains as gains_benchmark
+from experiments.benchmarks import json_file
 from experiments.benchmarks import profiles as benchmark
 from experiments.benchmarks.operations import count
 from experiments.benchmarks.parts import NAMES, REST, part_of
 from experiments.benchmarks.trainings import training
 from experiments.reproduction import profiles
 from experiments.reproduction.stored import REPOSITORY
+from t2tl_jax.errors import UserError
 from t2tl_jax.registry import configs
 from t2tl_jax.runs.experiment import build
 from t2tl_jax.training import program
@@ -187,6 +189,23 @@ def test_a_gain_is_the_ratio_of_neighbouring_calls():
     assert found["low"] is None  # of three calls no interval of 95 % can be had
     found = gains_benchmark.compare(*forms, repeats=9)
     assert found["least"] <= found["low"] < found["measured"] < found["high"] <= found["most"]
+
+
+def test_what_was_compared_is_kept_when_a_later_step_fails(monkeypatch, tmp_path):
+    forms = (gains_benchmark.Form(lambda: None, 1.0), gains_benchmark.Form(lambda: None, 1.0))
+
+    def fails():
+        raise UserError("no room")
+
+    monkeypatch.setitem(gains_benchmark.KNOWN, "guard", lambda: forms)
+    monkeypatch.setitem(gains_benchmark.KNOWN, "guard_12", fails)
+    file = tmp_path / "gains.json"
+    assert gains_benchmark.main(["--steps", "guard", "guard_12", "--json", str(file)]) == 2
+    assert set(json.loads(json_file.unfinished(file).read_text())["steps"]) == {"guard"} and not file.exists()
+    monkeypatch.setitem(gains_benchmark.KNOWN, "guard_12", lambda: forms)
+    assert gains_benchmark.main(["--steps", "guard", "guard_12", "--json", str(file)]) == 0
+    assert set(json.loads(file.read_text())["steps"]) == {"guard", "guard_12"}
+    assert not json_file.unfinished(file).exists()
 
 
 def test_the_interval_of_a_median_is_that_of_its_ranks(monkeypatch):

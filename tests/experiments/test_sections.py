@@ -5,6 +5,7 @@ below several of them `test_settings_said.py`.
 """
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from experiments.reproduction.runs import ZONE_FRAMES
 from experiments.reproduction.sections import ablation, figures, safe, steps, timing_doubts, unit_time, widths
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.work import READING
-from tests.made_up_runs import NEAR, outcome, played, pretrained, reading, rows
+from tests.made_up_runs import NEAR, outcome, played, pretrained, reading, rows, write
 
 SEEDS = (0, 1, 2, 3)
 
@@ -255,7 +256,17 @@ def test_violations_are_counted_by_episode(make):
     text = safe.safe(runs)
     assert "safe-t1tl - safe-dfa" in text and "Corrected for 5 comparisons, 1 of which" in text
     assert "outcome" not in text and safe.safe({}) == ""
-    assert "difference" not in safe.safe({"safe-dfa": runs["safe-dfa"]})
+    assert "difference" not in safe.safe({"safe-dfa": runs["safe-dfa"]}) and "Not compared" not in text
+
+
+def test_violations_of_a_shorter_training_are_not_compared(make, tmp_path):
+    methods = ("t1tl", "dfa", "gnn")
+    runs = {name: make(name, evaluated={1000: played(1.0, 9.0)}) for name in (f"safe-{one}" for one in methods)}
+    short = replace(runs["safe-dfa"].config, frames=ZONE_FRAMES // 10)
+    runs["safe-dfa"] = write(tmp_path / "short", short, evaluated={1000: played(1.0, 9.0)})
+    text = safe.safe(runs)
+    assert "safe-t1tl - safe-gnn" in text and "safe-t1tl - safe-dfa" not in text
+    assert "Not compared, since they had fewer frames than the others: safe-dfa." in text
 
 
 def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make):
