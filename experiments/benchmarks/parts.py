@@ -23,6 +23,7 @@ PARTS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("physics", ("environment", "physics")),
     ("observation, labels, progression", ("environment",)),
     ("resets", ("reset",)),
+    ("freezing seeds", ("guard",)),
 )
 """Names of parts, and the scopes that have to be in a path for it to belong there; the first that fits counts."""
 

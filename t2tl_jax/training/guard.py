@@ -87,28 +87,36 @@ def watched(agent: Agent) -> Agent:
 
     def iterate(state: Any, env_params: TaskParams) -> tuple[Any, Metrics]:
         after, metrics = agent.iterate(state, env_params)
-        scalars = dict(metrics.scalars)
-        failed = scalars.pop(f"env_{FAILED}", jnp.float32(0))
-        observed = getattr(getattr(getattr(after, "episodes", None), "state", None), "obs", ())
-        found = (
-            (any_where(_not_finite, observed) | (failed != 0), Fault.ENVIRONMENT),
-            (any_where(_not_finite, _named(scalars, "loss")), Fault.LOSS),
-            (any_where(_not_finite, _named(scalars, "gradient")), Fault.GRADIENT),
-        )
-        fault = jnp.int32(Fault.NONE)
-        for is_found, cause in reversed(found):
-            fault = jnp.where(is_found, jnp.int32(cause), fault)
-        earlier = getattr(env_params, "fault", ())
-        if not isinstance(earlier, tuple):
-            fault = jnp.where(jnp.asarray(earlier) != Fault.NONE, earlier, fault)
-        is_good = fault == Fault.NONE
-        after = _chosen(is_good, after, state, agent.replay)
-        episodes, tasks = jax.tree.map(
-            lambda x: jnp.where(is_good, x, jnp.zeros_like(x)), (metrics.episodes, metrics.tasks)
-        )
+        with jax.named_scope("guard"):
+            fault, scalars = _fault(after, metrics, env_params)
+            is_good = fault == Fault.NONE
+            after = _chosen(is_good, after, state, agent.replay)
+            episodes, tasks = jax.tree.map(
+                lambda x: jnp.where(is_good, x, jnp.zeros_like(x)), (metrics.episodes, metrics.tasks)
+            )
         return after, replace(metrics, episodes=episodes, tasks=tasks, scalars=scalars, fault=fault)
 
     return agent._replace(iterate=iterate)
+
+
+def _fault(after: Any, metrics: Metrics, env_params: TaskParams) -> tuple[jax.Array, dict[str, jax.Array]]:
+    """int32[]: the first cause, or that of an earlier iteration; and the scalars but what an environment says of its
+    physics."""
+    scalars = dict(metrics.scalars)
+    failed = scalars.pop(f"env_{FAILED}", jnp.float32(0))
+    observed = getattr(getattr(getattr(after, "episodes", None), "state", None), "obs", ())
+    found = (
+        (any_where(_not_finite, observed) | (failed != 0), Fault.ENVIRONMENT),
+        (any_where(_not_finite, _named(scalars, "loss")), Fault.LOSS),
+        (any_where(_not_finite, _named(scalars, "gradient")), Fault.GRADIENT),
+    )
+    fault = jnp.int32(Fault.NONE)
+    for is_found, cause in reversed(found):
+        fault = jnp.where(is_found, jnp.int32(cause), fault)
+    earlier = getattr(env_params, "fault", ())
+    if not isinstance(earlier, tuple):
+        fault = jnp.where(jnp.asarray(earlier) != Fault.NONE, earlier, fault)
+    return fault, scalars
 
 
 def _chosen(is_good: jax.Array, after: Any, before: Any, replay: str) -> Any:

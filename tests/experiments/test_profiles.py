@@ -80,6 +80,7 @@ def test_of_an_array_that_is_changed_in_its_place_the_places_count():
         ("minibatches/loss/jvp(codes)/ActorCritic.embed/task_encoder/layer_3", "codes of tasks"),
         ("minibatches/optimiser/mul", "clipping and Adam"),
         ("environment/physics/sqrt", "physics"),
+        ("vmap(guard)/select_n", "freezing seeds"),
         ("vmap()/while/body/closed_call", REST),
     ],
 )
