@@ -33,11 +33,14 @@ class Arguments:
     repeats: int = 5
     """Timed calls of each form; the median of the ratios of neighbouring calls is reported, from six calls on with its
     interval."""
+    in_a_row: int = 1
+    """Calls that are timed together, each started while the one before it may still run, as the iterations of a run are
+    on a GPU: what the host does to start one is hidden then."""
     json: Path | None = None
     """Also write the results to this file."""
 
     def __post_init__(self) -> None:
-        checks.counts(self, "repeats")
+        checks.counts(self, "repeats", "in_a_row")
         for name in self.steps:
             if name not in KNOWN:
                 raise ValueError(f"steps: there is no {name!r}{did_you_mean(name, KNOWN)}; known: {', '.join(KNOWN)}")
@@ -67,7 +70,7 @@ def _main(texts: list[str]) -> int:
             _check_gpu(name)
     with explained():
         for name in arguments.steps or STEPS:
-            found[name] = compare(*KNOWN[name](), arguments.repeats)
+            found[name] = compare(*KNOWN[name](), arguments.repeats, arguments.in_a_row)
             print(f"{name}: {found[name]}", flush=True)
             json_file.store_so_far(arguments, "experiments.benchmarks.gains", texts, steps=found)
     json_file.store(arguments, "experiments.benchmarks.gains", texts, steps=found)
@@ -84,7 +87,7 @@ def _check_gpu(name: str) -> None:
         )
 
 
-def compare(before: Form, after: Form, repeats: int) -> Mapping[str, float | None]:
+def compare(before: Form, after: Form, repeats: int, in_a_row: int = 1) -> Mapping[str, float | None]:
     """How many times as long `before` takes as `after`, by arithmetic and by the clock.
 
     `low` and `high` enclose the median with 95 % by ranks, whatever the ratios are distributed like; None where there
@@ -92,7 +95,7 @@ def compare(before: Form, after: Form, repeats: int) -> Mapping[str, float | Non
     """
     ratios = []
     for turn in range(repeats + 1):
-        slow, fast = _seconds(before.call), _seconds(after.call)
+        slow, fast = (_seconds(form.call, in_a_row) for form in (before, after))
         ratios += [slow / fast] * (turn > 0)  # the first calls warm up
     interval = stats.quantile_test(ratios).confidence_interval()
     return {
@@ -109,11 +112,11 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _seconds(call: Callable[[], Any]) -> float:
+def _seconds(call: Callable[[], Any], in_a_row: int) -> float:
     import jax
 
     started = time.perf_counter()
-    jax.block_until_ready(call())
+    jax.block_until_ready([call() for _ in range(in_a_row)])
     return time.perf_counter() - started
 
 

@@ -148,11 +148,16 @@ def gains(results: Path) -> str:
         ]
         said = f"""
             How many times as long the slower form takes, by its arithmetic and by the clock: medians of
-            {stored["settings"]["repeats"]} pairs of calls within one process, the least and the most
-            (`{_command(stored, file)}`). {stored.get("beside", "")}"""
+            {stored["settings"]["repeats"]} pairs of {_calls(stored["settings"])} within one process, the least and the
+            most (`{_command(stored, file)}`). {stored.get("beside", "")}"""
         heading = ("step", "predicted", "measured", "95 % interval of the median")
         parts += [paragraph(said), table(heading, rows), origin([stored["where"]])]
     return "\n\n".join(parts)
+
+
+def _calls(settings: Mapping[str, Any]) -> str:
+    count = settings.get("in_a_row", 1)
+    return "calls" if count == 1 else f"{count} calls in a row"
 
 
 def _command(stored: Mapping[str, Any], file: Path) -> str:

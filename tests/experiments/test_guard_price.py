@@ -29,5 +29,5 @@ def test_the_aim_is_missed_where_the_interval_is_above_none(tmp_path):
     rows = cells(said)
     del rows["what"]
     assert list(rows) == [STEPS["guard_mjx"], STEPS["guard"], STEPS["guard_dqn"]]
-    assert [row[4] for row in rows.values()] == ["no", "**yes**", "yes, faster"]
-    assert rows[STEPS["guard"]][:4] == ["cpu", "abcdefg", "11", "+2.0% [+1.0%, +3.0%]"]
+    assert [row[5] for row in rows.values()] == ["no", "**yes**", "yes, faster"]
+    assert rows[STEPS["guard"]][:5] == ["cpu", "abcdefg", "11", "1", "+2.0% [+1.0%, +3.0%]"]

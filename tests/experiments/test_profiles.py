@@ -188,6 +188,10 @@ def test_a_gain_is_the_ratio_of_neighbouring_calls():
     found = gains_benchmark.compare(*forms, repeats=3)
     assert found["predicted"] == 1.5 and found["least"] > 1 and found["least"] <= found["measured"] <= found["most"]
     assert found["low"] is None  # of three calls no interval of 95 % can be had
+    called = []
+    count = gains_benchmark.Form(lambda: called.append(0), 1.0)
+    gains_benchmark.compare(count, count, repeats=2, in_a_row=5)
+    assert len(called) == 2 * 5 * (2 + 1)  # of both, of those that warm up too
     found = gains_benchmark.compare(*forms, repeats=9)
     assert found["least"] <= found["low"] < found["measured"] < found["high"] <= found["most"]
 
@@ -212,7 +216,9 @@ def test_what_was_compared_is_kept_when_a_later_step_fails(monkeypatch, tmp_path
 def test_the_interval_of_a_median_is_that_of_its_ranks(monkeypatch):
     """Of nine values the second and the eighth enclose the median with 96 %, and none nearer with 95 %."""
     ratios = iter([5.0, *range(1, 10)])  # the first warms up
-    monkeypatch.setattr(gains_benchmark, "_seconds", lambda call: float(next(ratios)) if call == "slow" else 1.0)
+    monkeypatch.setattr(
+        gains_benchmark, "_seconds", lambda call, in_a_row: float(next(ratios)) if call == "slow" else 1.0
+    )
     slow, fast = gains_benchmark.Form("slow", 1.0), gains_benchmark.Form("fast", 1.0)
     found = gains_benchmark.compare(slow, fast, repeats=9)
     assert (found["low"], found["measured"], found["high"]) == (2.0, 5.0, 8.0)
