@@ -176,9 +176,9 @@ def _small(results: Path) -> list[str]:
         with_it, without = (starts["second"]["process"] for starts in (of, usual["starts"][what]))
         second.append(f"`{what}` {with_it:.1f} s with it and {without:.1f} s without")
     return [
-        "A trial kept every compiled program. A second start still compiles a dozen that take less than a second each, "
-        f"which is JAX's limit for keeping one. It took: {'; '.join(second)}. So that gained nothing, and was taken "
-        f"out. {every['note']} {origin([every['where']])}"
+        "A trial kept every compiled program; else a second start compiles anew what takes less than a second, which "
+        f"is JAX's limit for keeping it. A second start, once each: {'; '.join(second)}. No gain is to be seen, and "
+        f"it was taken out. {every['note']} {origin([every['where']])}"
     ]
 
 

@@ -21,6 +21,7 @@ from experiments.reproduction.sections import ten_tasks
 from experiments.reproduction.sections.benchmark import benchmark
 from experiments.reproduction.sections.published_form import published_form
 from experiments.reproduction.sections.published_ql import published_ql
+from experiments.reproduction.sections.safe_again import safe_again
 from experiments.reproduction.sections.thousand import thousand
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import curves_by_frames, methods
@@ -266,7 +267,7 @@ def safe_before(results: Path) -> str:
     note = """
         Before `zone_ppo_safe` had settings of its own: every episode from the start of the task, and a constant
         learning rate. Seeds that fail stand still, or are lost again after they succeeded. The present settings were
-        tried on seeds from 100 on in runs that are not kept, and what they come to stands above."""
+        tried on seeds from 100 on in runs that are not kept, and what they come to with more frames stands above."""
     runs = {"t1tl": run}
     return "\n\n".join((paragraph(note), methods(runs, {"t1tl": "t1tl"}), made_by([run])))
 
@@ -311,6 +312,11 @@ MEASUREMENTS = (
         "ql in the published form, as far as it went",
         ("python -m experiments.reproduce --only rm-ql-published,rm-ql_shaped-published",),
         published_ql,
+    ),
+    Measurement(
+        "`phi_safe`, four trainings that were made twice",
+        ("python -m experiments.reproduce --only safe-t2tl,safe-t2tl-own-rate,safe-dfa_cont,safe-dfa_cont-own-rate",),
+        safe_again,
     ),
     Measurement(
         "`phi_safe` with the settings of `phi_zone`",

@@ -9,7 +9,7 @@ from experiments.reproduction.runs import ALONE_END, ZONE_FRAMES
 from experiments.reproduction.stored import Stored
 
 WORDS = """The paper's budget in ZoneEnv is {paper:.0f} million frames a seed, and to train these for as many was the
-aim. They had fewer: {runs}."""
+aim. They had fewer: {runs}.{constant}"""
 
 
 def fewer(runs: Mapping[str, Stored]) -> dict[str, int]:
@@ -35,4 +35,10 @@ def said(runs: Mapping[str, Stored]) -> str:
     for name, frames in found.items():
         by_frames.setdefault(frames, []).append(name)
     each = [f"{frames / 1e6:.1f} million ({named(names)})" for frames, names in sorted(by_frames.items())]
-    return paragraph(WORDS.format(paper=ZONE_FRAMES / 1e6, runs="; ".join(each)))
+    constant = [name for name in found if not getattr(runs[name].config.learner, "anneal_learning_rate", True)]
+    told = (
+        f" Of these the learning rate is constant, where it falls in the main runs: {named(constant)}."
+        if constant
+        else ""
+    )
+    return paragraph(WORDS.format(paper=ZONE_FRAMES / 1e6, runs="; ".join(each), constant=told))

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from experiments.reproduction.page import table
+from experiments.reproduction.page import paragraph, table
 from experiments.reproduction.stored import Stored
 from experiments.worlds import worlds
 from t2tl_jax.evaluation.comparisons import Difference, Outcome, Pairs, compare, outcome
@@ -50,8 +50,9 @@ def differences(
                 *([outcome(each.gap) if claimed else "not claimed"] if claims else []),
             )
         )
+    unequal = unequal_budgets(runs, pairs)
     if not rows:
-        return ""
+        return _not_compared(unequal)
     heading = [
         "claim" if claims else "runs",
         f"how much less: {unit}" if less else f"difference, {unit}",
@@ -60,20 +61,39 @@ def differences(
         "",
         *(["outcome"] if claims else []),
     ]
-    return "\n\n".join((table(heading, rows), _corrected(len(found), len(pairs)) + _left_out(known, values)))
+    below = _corrected(len(found), len(pairs)) + _left_out(known, values)
+    return "\n\n".join(part for part in (table(heading, rows), below, _not_compared(unequal)) if part)
 
 
 def compared(
     runs: Mapping[str, Stored], pairs: Pairs, values: Values, less: bool = False
 ) -> tuple[Values, dict[tuple[str, str], Difference]]:
-    """What `differences` shows: the values that are known, as they are compared, and the differences by pair."""
+    """What `differences` shows: the values that are known, as they are compared, and the differences by pair; of pairs
+    that were to have different numbers of frames there is none, as if they were not measured yet."""
     sign = -1.0 if less else 1.0
     known = {
         name: {seed: sign * value for seed, value in values[name].items() if np.isfinite(value)}
         for name in runs
         if name in values
     }
-    return known, compare(known, {name: worlds(runs[name].config, tuple(runs[name].seeds)) for name in known}, pairs)
+    unequal = unequal_budgets(runs, pairs)
+    planned = [UNKNOWN if pair in unequal else pair for pair in pairs]
+    return known, compare(known, {name: worlds(runs[name].config, tuple(runs[name].seeds)) for name in known}, planned)
+
+
+UNKNOWN = ("", "")
+"""In the place of a pair that is counted and not compared."""
+
+
+def unequal_budgets(runs: Mapping[str, Stored], pairs: Pairs) -> list[tuple[str, str]]:
+    """Pairs of runs that are there of which one was to have more frames than the other."""
+    there = [pair for pair in pairs if all(name in runs for name in pair)]
+    return [pair for pair in there if len({runs[name].config.frames for name in pair}) > 1]
+
+
+def _not_compared(unequal: Pairs) -> str:
+    each = [f"{first} and {second}" for first, second in unequal]
+    return paragraph(f"Not compared, since one had more frames than the other: {'; '.join(each)}.") if each else ""
 
 
 def majorities(shares: Mapping[str, Share | None]) -> str:

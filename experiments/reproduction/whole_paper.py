@@ -9,7 +9,7 @@ from experiments.reproduction import budgets, rates, work
 from experiments.reproduction.items import PAPER_ITEMS
 from experiments.reproduction.page import origin, paragraph
 from experiments.reproduction.published_runs import MORE
-from experiments.reproduction.runs import MADE_AGAIN, again_name, all_runs
+from experiments.reproduction.runs import MADE_AGAIN, ZONE_FRAMES, again_name, all_runs
 from experiments.reproduction.sections import figures
 from experiments.reproduction.sections.ablation import EVERY
 from experiments.reproduction.stored import Stored
@@ -64,7 +64,7 @@ def where_the_minutes_are(runs: Mapping[str, Stored]) -> str:
     """
     benchmark = [name for name in runs if name.startswith(BENCHMARK)]
     slow = [name for name in runs if name.startswith(BENCHMARK) or name.endswith(EVERY)]
-    once = [name for name in runs if not _beside(name)]
+    once = [name for name, run in runs.items() if not _beside(name, run)]
     fast = [name for name in once if name not in slow]
     if not slow:
         return ""
@@ -81,10 +81,11 @@ def where_the_minutes_are(runs: Mapping[str, Stored]) -> str:
     )
 
 
-def _beside(name: str) -> bool:
+def _beside(name: str, run: Stored) -> bool:
     """Whether a run is of a search, one that was made again or on more seeds, or a piece of the published program."""
     begins = name.startswith((rates.SEARCH, figures.BASE, f"zone-published{MORE}"))
-    return begins or name in MADE_AGAIN or name.endswith((again_name(""), rates.own_name(""), MORE))
+    again = name in MADE_AGAIN and run.config.frames == ZONE_FRAMES
+    return begins or again or name.endswith((again_name(""), rates.own_name(""), MORE))
 
 
 def _benchmark_steps(runs: Mapping[str, Stored]) -> str:

@@ -7,10 +7,9 @@ from envs.zones import ZoneConfig
 from experiments.reproduction import budgets
 
 
-def run(frames, env, trained=True):
-    return SimpleNamespace(
-        frames=frames, config=SimpleNamespace(env=env), status={"all_sessions": {}} if trained else {}
-    )
+def run(frames, env, trained=True, falls=True):
+    config = SimpleNamespace(env=env, learner=SimpleNamespace(anneal_learning_rate=falls))
+    return SimpleNamespace(frames=frames, config=config, status={"all_sessions": {}} if trained else {})
 
 
 def test_runs_with_fewer_frames_are_named():
@@ -26,3 +25,6 @@ def test_runs_with_fewer_frames_are_named():
     assert budgets.fewer(runs) == {"zone-short": 3_014_656}
     assert " ".join(budgets.said(runs).split()).endswith("They had fewer: 3.0 million (zone-short).")
     assert budgets.said({"zone-long": runs["zone-long"]}) == ""
+    constant = run(3_014_656, ZoneConfig(), falls=False)
+    said = " ".join(budgets.said(runs | {"zone-constant": constant}).split())
+    assert said.endswith("the learning rate is constant, where it falls in the main runs: zone-constant.")

@@ -1,5 +1,7 @@
 """What becomes of claims: their direction, their correction, what is left out, and the cells beside them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ NEAR = np.array([0.0, 0.01, 0.02, 0.03])
 def runs(tmp_path, monkeypatch) -> dict[str, Stored]:
     """Runs whose seeds are nothing but random numbers."""
     monkeypatch.setattr(claims, "worlds", lambda config, seeds: None)
-    monkeypatch.setattr(Stored, "config", None)
+    monkeypatch.setattr(Stored, "config", SimpleNamespace(frames=1000))
     return {name: Stored(write_status(tmp_path / name)) for name in "abc"}
 
 

@@ -110,6 +110,7 @@ def test_nearly_all_arithmetic_of_an_iteration_has_a_part(name):
     assert work[REST].flop < 0.01 * total
     expected = {"clipping and Adam", "codes of tasks", "learning: state and heads", "acting: state and head"}
     assert expected <= set(work) and all(work[part].flop > 0 for part in expected)
+    assert work["freezing seeds"].bytes > 0
     if name.startswith("zone"):  # of 67 MFLOP a step at least, by the sizes of the layers
         assert work["learning: context"].flop > 0.4 * total and work["physics"].flop > 0.01 * total
 

@@ -169,13 +169,16 @@ def test_simultaneous_learning_is_claimed_and_its_pieces_are_not(make):
     assert "Corrected for 6 comparisons, 2 of which can be made so far." in text
 
 
-def test_a_main_run_that_was_made_once_more_is_named_where_it_has_its_budget(make):
+def test_a_main_run_that_was_made_once_more_is_named_where_all_are_of_one_commit_and_of_the_plan(make, tmp_path):
     section = ITEMS["pretraining-zone"].section
-    short = make("zone-t1tl-pre-own")
-    assert "once more" not in section({"zone-t1tl-pre-own": short})
-    whole = {name: make(name, frames=ZONE_FRAMES // 10) for name in ("zone-t2tl-pre-own", "zone-t2tl-pre-none")}
-    said = " ".join(section(whole).split())
-    assert "is of one commit: `zone-t2tl-pre-own` is `zone-t2tl`, on the same seeds." in said
+    runs = {name: make(name) for name in ("zone-t2tl-pre-own", "zone-t2tl-pre-none")}
+    said = " ".join(section(runs).split())
+    assert "some trainings were made once more: `zone-t2tl-pre-own` that of `zone-t2tl`." in said
+    config = runs["zone-t2tl-pre-none"].config
+    short = write(tmp_path / "short", replace(config, frames=config.frames // 10))
+    assert "once more" not in section(runs | {"zone-t2tl-pre-none": short})
+    (runs["zone-t2tl-pre-none"].path / "versions.json").write_text(json.dumps({"started": {"git_revision": 40 * "a"}}))
+    assert "once more" not in section({name: Stored(run.path) for name, run in runs.items()})
 
 
 def test_labels_as_printed_stand_beside_both_trainings_of_the_default(make):
@@ -255,18 +258,21 @@ def test_violations_are_counted_by_episode(make):
     assert safe.violations(runs["safe-t1tl"]) == pytest.approx(dict.fromkeys(SEEDS, 0.3))
     text = safe.safe(runs)
     assert "safe-t1tl - safe-dfa" in text and "Corrected for 5 comparisons, 1 of which" in text
-    assert "outcome" not in text and safe.safe({}) == ""
+    assert "outcome |" not in text and safe.safe({}) == ""
     assert "difference" not in safe.safe({"safe-dfa": runs["safe-dfa"]}) and "Not compared" not in text
 
 
-def test_violations_of_a_shorter_training_are_not_compared(make, tmp_path):
+def test_a_shorter_training_is_not_compared(make, tmp_path):
     methods = ("t1tl", "dfa", "gnn")
     runs = {name: make(name, evaluated={1000: played(1.0, 9.0)}) for name in (f"safe-{one}" for one in methods)}
     short = replace(runs["safe-dfa"].config, frames=ZONE_FRAMES // 10)
     runs["safe-dfa"] = write(tmp_path / "short", short, evaluated={1000: played(1.0, 9.0)})
     text = safe.safe(runs)
     assert "safe-t1tl - safe-gnn" in text and "safe-t1tl - safe-dfa" not in text
-    assert "Not compared, since they had fewer frames than the others: safe-dfa." in text
+    assert "Corrected for 5 comparisons, 1 of which can be made so far." in text
+    assert "Not compared, since one had more frames than the other: safe-t1tl and safe-dfa." in text
+    alone = safe.safe({name: runs[name] for name in ("safe-t1tl", "safe-dfa")})
+    assert "p (Holm)" not in alone and "Not compared" in alone
 
 
 def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make):

@@ -70,12 +70,13 @@ def ablation(
 
 
 def made_again(runs: Mapping[str, Stored]) -> str:
-    """Which of the runs have the configuration and the seeds of another that is shown elsewhere; '' for none."""
-    both = {name: MADE_AGAIN[name] for name, run in runs.items() if name in MADE_AGAIN and run.frames >= ZONE_FRAMES}
-    if not both:
+    """Which of the runs are trainings of others once more that are shown elsewhere; '' for none, and for runs of
+    several commits or with other budgets than the plan's."""
+    again = {name: MADE_AGAIN[name] for name in runs if name in MADE_AGAIN}
+    if not again or commits(runs) or any(run.config.frames != ZONE_FRAMES for run in runs.values()):
         return ""
-    each = ", ".join(f"`{name}` is `{first}`" for name, first in both.items())
-    return paragraph(f"Made once more, so that what is compared is of one commit: {each}, on the same seeds.")
+    each = ", ".join(f"`{name}` that of `{first}`" for name, first in again.items())
+    return paragraph(f"So that all of these are of one commit, some trainings were made once more: {each}.")
 
 
 PRINTED_ZONE = ("prime-own", "prime-progression-paper", "prime-labels-state")

@@ -7,7 +7,6 @@ import numpy as np
 from experiments.reproduction import runs as named
 from experiments.reproduction.cells import COST, cost, share, solved, text
 from experiments.reproduction.claims import differences
-from experiments.reproduction.page import named as named_in_words
 from experiments.reproduction.page import paragraph, table
 from experiments.reproduction.sections.settings import what_differs
 from experiments.reproduction.stored import Stored
@@ -20,7 +19,8 @@ PAIRS = [(FIRST, f"safe-{method}") for method in named.ZONE_METHODS if f"safe-{m
 
 LABELS = {f"safe-{method}": method for method in named.ZONE_METHODS}
 
-NOTE = "Nothing of it is published, so nothing is claimed."
+NOTE = """Nothing of it is published, so nothing is claimed. Some of these were trained twice, with the same seeds and
+[other outcomes](#phi_safe-four-trainings-that-were-made-twice)."""
 
 
 def safe(runs: Mapping[str, Stored]) -> str:
@@ -52,24 +52,16 @@ def safe(runs: Mapping[str, Stored]) -> str:
         table(heading, rows),
         what_differs(runs, LABELS, "safe"),
         safe_order(runs, PAIRS),
-        NOTE if rows else "",
+        paragraph(NOTE) if rows else "",
     )
     return "\n\n".join(part for part in parts if part)
 
 
 def safe_order(runs: Mapping[str, Stored], pairs: Pairs, claims: Pairs = ()) -> str:
-    """Differences between runs by the success and the violations of their final parameters; not of runs that had fewer
-    frames than others."""
-    most = max((run.config.frames for run in runs.values()), default=0)
-    shorter = [name for name, run in runs.items() if run.config.frames < most]
-    runs = {name: run for name, run in runs.items() if name not in shorter}
+    """Differences between runs by the success and the violations of their final parameters."""
     rates = {"success": "success_rate", "violations": "violation_rate"}
     values = {what: {name: run.by_seed(rate) for name, run in runs.items()} for what, rate in rates.items()}
     parts = [differences(runs, pairs, of, f"{what} of the final parameters", claims) for what, of in values.items()]
-    if shorter and any(parts):
-        parts.append(
-            paragraph(f"Not compared, since they had fewer frames than the others: {named_in_words(shorter)}.")
-        )
     return "\n\n".join(part for part in parts if part)
 
 

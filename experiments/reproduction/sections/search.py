@@ -62,7 +62,8 @@ STAYS = "The usual rate is best for every method, so that nothing is trained aga
 
 ON_FRESH_SEEDS = """A difference whose interval holds 0 does not say that the rate which was taken on four seeds is
 better on the reported ones, nor that it is worse; one whose interval lies below 0 says that it is worse there. The two
-runs of a method may be of different commits, and may have shared a GPU or not: their seconds do not compare."""
+runs of a method may be of different commits: what the program changed between them is in the difference too. They may
+have shared a GPU or not: their seconds do not compare."""
 
 
 def planned() -> tuple[str, ...]:
@@ -167,14 +168,14 @@ def _again(runs: Mapping[str, Stored], world: str) -> str:
         return ""
     claims = [(rates.at_its_best(better), rates.at_its_best(worse)) for better, worse in CLAIMS[world]]
     order = ORDERS[world]
+    judged = order(runs, claims, claims) if world in CLAIMED else order(runs, claims)
     parts = (
-        f"{TITLES[world]}: the rate that the search took beside the usual one, with the budget and on the seeds of "
-        "the main runs.",
+        f"{TITLES[world]}: the rate that the search took beside the usual one, on the seeds of the main runs.",
         methods({name: runs[name] for name in shown}, {name: name for name in shown}),
         order(runs, pairs),
         _by_criterion(runs, pairs) if world != "zone" else "",
         paragraph(ON_FRESH_SEEDS),
         f"{CLAIMED.get(world, 'The comparisons of its section')}, each method at the rate that the search took:",
-        order(runs, claims, claims) if world in CLAIMED else order(runs, claims),
+        judged or "None can be made yet.",
     )
     return "\n\n".join(part for part in parts if part)
