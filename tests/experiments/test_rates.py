@@ -268,6 +268,8 @@ def test_other_worlds_are_judged_again_as_their_sections_judge(tmp_path, found, 
     text = search.search(there)
     assert order in rows(text) and f"{lead}, each method at the rate that the search took:" in text
     assert f"{world}-{method}-own-rate - {world}-{method}" in rows(text) and "return at the end" in text
+    others = {name: there[name] for name in (f"{world}-{method}", f"{world}-{method}-own-rate")}
+    assert "each method at the rate that the search took:\n\nNone can be made yet." in search.search(others)
     del there[f"{world}-{method}-own-rate"]
     assert search.search(there) == ""
 
