@@ -17,11 +17,10 @@ from experiments.reproduction.cells import solved, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.measures import frames_to
 from experiments.reproduction.page import fitting, made_by, origin, paragraph, table
-from experiments.reproduction.sections import ten_tasks
+from experiments.reproduction.sections import safe_again, ten_tasks
 from experiments.reproduction.sections.benchmark import benchmark
 from experiments.reproduction.sections.published_form import published_form
 from experiments.reproduction.sections.published_ql import published_ql
-from experiments.reproduction.sections.safe_again import safe_again
 from experiments.reproduction.sections.thousand import thousand
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tables import curves_by_frames, methods
@@ -314,9 +313,9 @@ MEASUREMENTS = (
         published_ql,
     ),
     Measurement(
-        "`phi_safe`, four trainings that were made twice",
+        safe_again.TITLE,
         ("python -m experiments.reproduce --only safe-t2tl,safe-t2tl-own-rate,safe-dfa_cont,safe-dfa_cont-own-rate",),
-        safe_again,
+        safe_again.safe_again,
     ),
     Measurement(
         "`phi_safe` with the settings of `phi_zone`",

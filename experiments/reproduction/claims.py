@@ -13,6 +13,9 @@ from t2tl_jax.evaluation.statistics import CONFIDENCE, Estimate, score_interval
 Values = Mapping[str, Mapping[int, float]]
 """By run and seed."""
 
+UNKNOWN = ("", "")
+"""In the place of a pair that is counted and not compared."""
+
 Share = tuple[float, int]
 """A share of seeds, or the mean over seeds of shares, and how many seeds there are."""
 
@@ -79,10 +82,6 @@ def compared(
     unequal = unequal_budgets(runs, pairs)
     planned = [UNKNOWN if pair in unequal else pair for pair in pairs]
     return known, compare(known, {name: worlds(runs[name].config, tuple(runs[name].seeds)) for name in known}, planned)
-
-
-UNKNOWN = ("", "")
-"""In the place of a pair that is counted and not compared."""
 
 
 def unequal_budgets(runs: Mapping[str, Stored], pairs: Pairs) -> list[tuple[str, str]]:

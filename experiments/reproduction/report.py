@@ -38,6 +38,7 @@ from experiments.reproduction.parts import filled
 from experiments.reproduction.pictures import Picture, pictures
 from experiments.reproduction.runs import WATER_METHODS
 from experiments.reproduction.scaling import scaling
+from experiments.reproduction.sections import safe_again
 from experiments.reproduction.sections.anyshort import in_short
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.tally import tally
@@ -95,7 +96,11 @@ def documentation(root: Path) -> Documentation:
     for_any = stored.load(results / "any")
     shown = drawings(paper, short, for_any)
     lines = shown_by(shown)
-    items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines, summary=tally, remark=budgets.said)
+
+    def remark(runs: Mapping[str, Stored]) -> str:
+        return "\n\n".join(part for part in (budgets.said(runs), safe_again.said(results, runs)) if part)
+
+    items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines, summary=tally, remark=remark)
     whole = f"{items}\n{beside.measurements(results, lines)}"
     parts = {
         "README.md": {

@@ -5,6 +5,7 @@ below several of them `test_settings_said.py`.
 """
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,16 @@ from experiments.paper import published_widths, step_tables
 from experiments.reproduction import cells, chance, measures, representations
 from experiments.reproduction.items import ITEMS
 from experiments.reproduction.runs import ZONE_FRAMES
-from experiments.reproduction.sections import ablation, figures, safe, steps, timing_doubts, unit_time, widths
+from experiments.reproduction.sections import (
+    ablation,
+    figures,
+    safe,
+    safe_again,
+    steps,
+    timing_doubts,
+    unit_time,
+    widths,
+)
 from experiments.reproduction.stored import Stored
 from experiments.reproduction.work import READING
 from tests.made_up_runs import NEAR, outcome, played, pretrained, reading, rows, write
@@ -258,7 +268,7 @@ def test_violations_are_counted_by_episode(make):
     assert safe.violations(runs["safe-t1tl"]) == pytest.approx(dict.fromkeys(SEEDS, 0.3))
     text = safe.safe(runs)
     assert "safe-t1tl - safe-dfa" in text and "Corrected for 5 comparisons, 1 of which" in text
-    assert "outcome |" not in text and safe.safe({}) == ""
+    assert "outcome" not in text and safe.safe({}) == ""
     assert "difference" not in safe.safe({"safe-dfa": runs["safe-dfa"]}) and "Not compared" not in text
 
 
@@ -273,6 +283,19 @@ def test_a_shorter_training_is_not_compared(make, tmp_path):
     assert "Not compared, since one had more frames than the other: safe-t1tl and safe-dfa." in text
     alone = safe.safe({name: runs[name] for name in ("safe-t1tl", "safe-dfa")})
     assert "p (Holm)" not in alone and "Not compared" in alone
+
+
+def test_trainings_that_were_made_twice_stand_beside_each_other(configs, tmp_path):
+    """Two seeds of four solve the task the first time, and two others of them, one the same, the second time."""
+    assert safe_again.said(tmp_path, ["safe-t2tl"]) == ""
+    for folder, rates in ((safe_again.FOLDER, [1.0, 1.0, 0.0, 0.0]), ("paper", [0.0, 1.0, 1.0, 0.0])):
+        for name in ("safe-t2tl", "safe-gnn"):
+            evaluated = {1000: played(rates, 9.0)}
+            write(tmp_path / folder / name, configs[name], evaluated=evaluated)
+    shutil.rmtree(tmp_path / safe_again.FOLDER / "safe-gnn")
+    assert rows(safe_again.safe_again(tmp_path))["safe-t2tl"][:3] == ["2/4", "2/4", "2"]
+    said = safe_again.said(tmp_path, ["safe-t2tl", "safe-gnn"])
+    assert f"(#{safe_again.ANCHOR})" in said and said.endswith(": safe-t2tl.")
 
 
 def test_small_batches_are_judged_by_their_values_and_the_step_size_is_said(make):

@@ -7,7 +7,7 @@ import numpy as np
 from experiments.reproduction import runs as named
 from experiments.reproduction.cells import COST, cost, share, solved, text
 from experiments.reproduction.claims import differences
-from experiments.reproduction.page import paragraph, table
+from experiments.reproduction.page import table
 from experiments.reproduction.sections.settings import what_differs
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
@@ -19,8 +19,7 @@ PAIRS = [(FIRST, f"safe-{method}") for method in named.ZONE_METHODS if f"safe-{m
 
 LABELS = {f"safe-{method}": method for method in named.ZONE_METHODS}
 
-NOTE = """Nothing of it is published, so nothing is claimed. Some of these were trained twice, with the same seeds and
-[other outcomes](#phi_safe-four-trainings-that-were-made-twice)."""
+NOTE = "Nothing of it is published, so nothing is claimed."
 
 
 def safe(runs: Mapping[str, Stored]) -> str:
@@ -52,7 +51,7 @@ def safe(runs: Mapping[str, Stored]) -> str:
         table(heading, rows),
         what_differs(runs, LABELS, "safe"),
         safe_order(runs, PAIRS),
-        paragraph(NOTE) if rows else "",
+        NOTE if rows else "",
     )
     return "\n\n".join(part for part in parts if part)
 

@@ -1,5 +1,6 @@
 """Trainings on `phi_safe` that were made twice with the same seeds: what the first ones came to."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 from experiments.reproduction import stored
@@ -10,6 +11,10 @@ from t2tl_jax.evaluation.statistics import SOLVED
 
 FOLDER = "safe_again_h200"
 """Of the trainings that were made first."""
+
+TITLE = "`phi_safe`, four trainings that were made twice"
+ANCHOR = "phi_safe-four-trainings-that-were-made-twice"
+"""Of the section, and where it stands on its page."""
 
 NOTE = """These were trained twice by the same commit. The machine of the first time was gone before the others were
 trained, so all of `phi_safe` was begun anew on another one. The sections above show those of the second time, and
@@ -26,8 +31,8 @@ def safe_again(results: Path) -> str:
             name,
             *map(solved, runs),
             str(_apart(*runs)),
-            *(_cell(run) for run in runs),
-            *(_violations(run) for run in runs),
+            *(text(run.by_seed("discounted_return")) for run in runs),
+            *(share(run.by_seed("violation_rate")) for run in runs),
         )
         for name, runs in both.items()
     ]
@@ -38,15 +43,15 @@ def safe_again(results: Path) -> str:
     return "\n\n".join((paragraph(NOTE), table(heading, rows), made_by(list(first.values()))))
 
 
+def said(results: Path, names: Collection[str]) -> str:
+    """Which of these runs were trained twice, and where that is shown; '' for none."""
+    twice = [name for name in stored.load(results / FOLDER) if name in names]
+    if not twice:
+        return ""
+    return paragraph(f"Trained twice, with [other outcomes](#{ANCHOR}) from the same seeds: {', '.join(twice)}.")
+
+
 def _apart(first: Stored, second: Stored) -> int:
     """Seeds that solve the task in one of two trainings and not in the other."""
     over = [{seed for seed, rate in run.by_seed("success_rate").items() if rate > SOLVED} for run in (first, second)]
     return len(over[0] ^ over[1])
-
-
-def _cell(run: Stored) -> str:
-    return text(run.by_seed("discounted_return"))
-
-
-def _violations(run: Stored) -> str:
-    return share(run.by_seed("violation_rate"))
