@@ -7,6 +7,7 @@ from pathlib import Path
 from experiments.paper.published_curves import ZONE_CURVES
 from experiments.reproduction import (
     arithmetic,
+    begun_apart,
     beside,
     budgets,
     profiles,
@@ -98,7 +99,8 @@ def documentation(root: Path) -> Documentation:
     lines = shown_by(shown)
 
     def remark(runs: Mapping[str, Stored]) -> str:
-        return "\n\n".join(part for part in (budgets.said(runs), safe_again.said(results, runs)) if part)
+        said = (budgets.said(runs), begun_apart.said(runs), safe_again.said(results, runs))
+        return "\n\n".join(part for part in said if part)
 
     items = page(PAPER_ITEMS, paper, smoke=False, head=HEAD, pictures=lines, summary=tally, remark=remark)
     whole = f"{items}\n{beside.measurements(results, lines)}"
