@@ -7,8 +7,8 @@ from experiments.reproduction.page import named, paragraph
 from experiments.reproduction.stored import Stored
 
 WORDS = """Some of these runs are pre-trained in the same way and yet did not begin with the same encoder, since that
-pre-training was made more than once, and does not end alike every time. {each} What differs between two such runs has
-that in it too."""
+pre-training was made more than once, which even by one commit does not end alike every time. {each} What differs
+between two such runs has that in it too."""
 
 
 def begun_apart(runs: Mapping[str, Stored]) -> dict[str, list[tuple[int, list[str]]]]:

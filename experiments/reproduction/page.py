@@ -33,8 +33,10 @@ Where a table says that it is of episodes without discount, it is not that retur
 Seconds are upper bounds, of runs that shared a GPU with different others and were not all made by one commit: they do
 not compare methods. An encoder goes on from the best parameters of its pre-training, which a seed may have lost again
 by its end.
-Runs that were made on different days began with pre-trainings of their own, from the same seeds; a GPU does not repeat
-them exactly, and one of them is stored. Frames before are those of a run's own.
+Runs that were made at different times or on different machines began with pre-trainings of their own, from the same
+seeds; a GPU does not repeat them exactly, and one of them is stored. Sections name such runs. Frames before are those
+of a run's own.
+A difference without an interval: every seed of both runs came to the same, which does not make it sure.
 Values with "±" are as published, a spread that is not said what it is. A claimed ordering is *reproduced* where the
 whole interval of the difference is above zero, *not reproduced* where it is below, else *undecided*."""
 

@@ -53,10 +53,10 @@ HEAD = """# Results
 Written by `python -m experiments.reproduce --report True` from what is stored in `results/`; do not edit. Every run
 is there with its configuration, metrics, versions and the commit that made it, which is one of this history, without
 changes, and with an evaluation, but for pre-trainings, runs that were only timed, the search for learning rates, most
-of the reward-machine benchmark and one run that was cut. Of pre-trainings that were made more than once there is one.
-First come the items of the paper, from
-`results/paper`, each with the command that measures it, then what was measured beside them. Agents that carry out
-formulas they were not trained on have a [page of their own](zeroshot.md)."""
+of the reward-machine benchmark, among them the runs of it that were cut. Of pre-trainings that were made more than once
+there is one. First come the items of the paper, from `results/paper`, each with the command that measures it, then what
+was measured beside them. Agents that carry out formulas they were not trained on have a [page of their
+own](zeroshot.md)."""
 
 ANY_PAGE = "docs/zeroshot.md"
 """The page of agents for any task, which is written as a whole too."""

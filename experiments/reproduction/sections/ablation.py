@@ -112,7 +112,7 @@ def commits(runs: Mapping[str, Stored]) -> str:
         return ""
     each = ", ".join(f"{name} of {of}" for name, of in made.items())
     return (
-        f"These runs are not of one commit: {each}. Each encoder was pre-trained anew. What the program changed "
+        f"These runs are not of one commit: {each}. What the program changed "
         "between the commits is in the differences too, and is not told apart from what is compared."
     )
 

@@ -8,6 +8,7 @@ from experiments.reproduction import runs as named
 from experiments.reproduction.cells import COST, cost, share, solved, text
 from experiments.reproduction.claims import differences
 from experiments.reproduction.page import table
+from experiments.reproduction.sections.ablation import commits
 from experiments.reproduction.sections.settings import what_differs
 from experiments.reproduction.stored import Stored
 from t2tl_jax.evaluation.comparisons import Pairs
@@ -52,6 +53,7 @@ def safe(runs: Mapping[str, Stored]) -> str:
         what_differs(runs, LABELS, "safe"),
         safe_order(runs, PAIRS),
         NOTE if rows else "",
+        commits(runs),
     )
     return "\n\n".join(part for part in parts if part)
 

@@ -16,10 +16,10 @@ TITLE = "`phi_safe`, four trainings that were made twice"
 ANCHOR = "phi_safe-four-trainings-that-were-made-twice"
 """Of the section, and where it stands on its page."""
 
-NOTE = """These were trained twice by the same commit. The machine of the first time was gone before the others were
-trained, so all of `phi_safe` was begun anew on another one. The sections above show those of the second time, and
-compare them: that was settled before anybody looked at what either came to. Pre-training was made anew too. A GPU does
-not add numbers in the same order every time, so that the same seed is another training."""
+NOTE = """These were trained twice by the same commit. The machine of the first time was gone before other runs of
+`phi_safe` were trained, so these were begun anew on the machine of some of the others. The sections above show those of
+the second time, and compare them: that was settled before anybody looked at what either came to. Pre-training was made
+anew too. A GPU does not add numbers in the same order every time, so that the same seed is another training."""
 
 
 def safe_again(results: Path) -> str:
