@@ -238,7 +238,7 @@ def _moved(paper: Mapping[str, Stored]) -> list[Line]:
     for colour, name in enumerate(attention.RUNS):
         change = attention.moved(paper[name]) if name in paper else None
         if change is not None:
-            lines.append(Line(attention.TITLES[name], np.arange(1, change.shape[1] + 1), change, colour))
+            lines.append(Line(attention.TITLES[name], np.arange(change.shape[1]), change, colour))
     return lines
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter, MaxNLocator
 
 from t2tl_jax.evaluation.statistics import band
 
@@ -113,7 +114,7 @@ def plot_lines(
         ylabel: beside it.
         metadata: texts to keep in the PNG, by keyword.
     """
-    figure = Figure(figsize=(7.5, 4.4), layout="constrained")
+    figure = Figure(figsize=(9.0, 4.4), layout="constrained")
     canvas = FigureCanvasAgg(figure)
     axes = figure.subplots()
     for line in lines:
@@ -123,10 +124,12 @@ def plot_lines(
             axes.fill_between(line.x, low, high, color=colour, alpha=0.15, linewidth=0)
         style, width = ("--", 1.1) if line.dashed else ("-", 1.6)
         axes.plot(line.x, centre, color=colour, linestyle=style, linewidth=width, label=line.label)
+    axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 2.5, 5, 10]))  # nothing between layers
+    axes.xaxis.set_major_formatter(EngFormatter())  # 2 M
     axes.set_xlabel(xlabel)
     axes.set_ylabel(ylabel)
     axes.grid(alpha=0.3)
-    axes.legend(frameon=False, fontsize="small", ncols=1 if len(lines) <= 8 else 2)
+    figure.legend(frameon=False, fontsize="small", loc="outside right upper")
     canvas.print_png(str(target), metadata=dict(metadata or {}))
 
 
