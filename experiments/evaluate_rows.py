@@ -55,7 +55,7 @@ def rows_met(result: Result, trained: Config, tasks: Sequence[str], pools: int) 
 def stored(folder: Path, tasks: Sequence[str]) -> Shares:
     """What the folder of a run knows of some tasks, by their names or as the same formula."""
     shares = counted_before.read(folder)
-    known = {name: name for name in shares["exactly"]}
+    known = {name: name for name in shares["exactly"] if name in shares["renamed"]}
     by_formula = {formula: name for name in known if (formula := _formula(name)) is not None}
     found: Shares = {}
     for task in tasks:

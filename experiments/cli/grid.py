@@ -11,7 +11,7 @@ from typing import Any
 from experiments.cli import request
 from experiments.methods import METHODS
 from t2tl_jax.errors import UserError, unknown
-from t2tl_jax.names import nearest
+from t2tl_jax.names import ALIKE, nearest
 from t2tl_jax.registry import AGENTS
 from t2tl_jax.runs.config import Config
 from t2tl_jax.training.numbers import numbers_of
@@ -150,10 +150,11 @@ def _checked(config: Config, field: str) -> Any:
     flag, reason = field.replace("_", "-"), REASONS.get(field.partition(".")[0], "")
     # Numbers come first: they are what a sweep is for.
     numbers = [name for name in can if is_number(config, name)]
-    near = nearest(field, numbers, cutoff=0.6) or nearest(field, [*can, METHOD])
+    near = nearest(field, numbers, cutoff=0.6) or nearest(field, [*can, METHOD], cutoff=ALIKE)
     if field not in known:
         reason = "this configuration has no such field"
-    raise UserError(f"{flag}: it cannot be swept: {reason}; the nearest field that can is {near.replace('_', '-')}")
+    hint = f"the nearest field that can is {near}" if near else f"one that can is {min(numbers, key=len)}"
+    raise UserError(f"{flag}: it cannot be swept: {reason}; {hint.replace('_', '-')}")
 
 
 def _words(value: Any, text: str) -> list[str]:

@@ -75,11 +75,12 @@ def read(arguments: Sequence[str], environment: Mapping[str, str] = os.environ) 
             return rest, None
         text = ",".join(given)
     address, *numbers = [part.strip() for part in text.split(",")]
-    port = address.rpartition(":")[2]
+    host, _, port = address.rpartition(":")
     whole = all(part.isascii() and part.isdecimal() for part in (*numbers, port))
-    if len(numbers) != 2 or not whole or int(numbers[1]) >= int(numbers[0]):
+    if not host or len(numbers) != 2 or not whole or int(numbers[1]) >= int(numbers[0]) or not 0 < int(port) < 2**16:
         raise UserError(
-            f"{FLAG} takes {SLURM}, or HOST:PORT,COUNT,INDEX with indices from 0, such as node1:1234,2,0; got {text!r}"
+            f"{FLAG} takes {SLURM}, or HOST:PORT,COUNT,INDEX with indices from 0, such as node1:1234,2,0, with "
+            f"ports from 1 to {2**16 - 1}; got {text!r}"
         )
     return rest, Hosts(address, int(numbers[0]), int(numbers[1]))
 

@@ -10,8 +10,9 @@ import logging
 import os
 import shutil
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -21,7 +22,8 @@ import orbax.checkpoint as ocp
 
 from t2tl_jax.errors import Note
 from t2tl_jax.quiet import quiet_left_writes
-from t2tl_jax.runs import host_arrays
+from t2tl_jax.runs import checkpoint_info, host_arrays
+from t2tl_jax.runs.checkpoint_info import STORED
 from t2tl_jax.runs.host_arrays import checksum, checksums
 from t2tl_jax.training import hosts
 
@@ -32,8 +34,8 @@ KEPT = 2
 """How many checkpoints a run keeps: the latest, and the one before it in case the disk loses a file. Where a seed
 broke, the last one from before stays beside them."""
 
-STATE, REPLAY, STORED = "state", "replay", "stored"
-"""Names on disk: the training state, what of it is replay, and in the JSON object what there is to know of both."""
+STATE, REPLAY = "state", "replay"
+"""Names on disk: the training state, and what of it is replay."""
 
 UNFINISHED = "*.orbax-checkpoint-tmp*"
 """What a killed process leaves of the checkpoint that it was writing."""
@@ -256,7 +258,11 @@ class Checkpoints:
         """The work of the thread."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            stored = {"checksums": {name: checksums(tree) for name, tree in trees.items()}, REPLAY: kept}
+            stored: dict[str, Any] = {
+                "checksums": {name: checksums(tree) for name, tree in trees.items()},
+                REPLAY: kept,
+            }
+            stored[checkpoint_info.ITERATION] = iteration
             info = {**info, STORED: stored}
             items = {name: ocp.args.StandardSave(tree) for name, tree in trees.items()}
             items["info"] = ocp.args.JsonSave({**info, "checksum": checksum(info)})
@@ -278,9 +284,12 @@ class Checkpoints:
             ) from error
 
     def _info(self, iteration: int) -> dict[str, Any]:
+        folder = self.folder / str(iteration) / "info"
+        if sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) > checkpoint_info.MOST_BYTES:
+            raise self._damaged(iteration, "info", f"it takes more than {checkpoint_info.MOST_BYTES // 2**20} MiB")
         info = self._from_disk(iteration, "info", ocp.args.JsonRestore())
-        if not isinstance(info, dict) or info.get("checksum", 0) != (checksum(info) if "checksum" in info else 0):
-            raise self._damaged(iteration, "info", "it is not what was written")
+        if reason := checkpoint_info.problem(info, iteration):
+            raise self._damaged(iteration, "info", reason)
         return info
 
     def _item(self, iteration: int, name: str, like: Any, info: Mapping[str, Any], replay: str) -> Any:
@@ -307,7 +316,8 @@ class Checkpoints:
         """Refuse arrays of other shapes or dtypes before any of them is read: a small file can hold huge ones."""
         place = self.folder / str(iteration)
         try:
-            there = self._handlers[name].metadata(place / name).tree
+            with _quiet_left_reads():
+                there = self._handlers[name].metadata(place / name).tree
         except Exception as error:  # as in `_from_disk`
             raise self._damaged(iteration, name, _reason(error)) from error
         if other := host_arrays.unpaired(wanted, there):
@@ -324,7 +334,8 @@ class Checkpoints:
 
     def _from_disk(self, iteration: int, item: str, argument: Any) -> Any:
         try:
-            return self._open().restore(iteration, args=ocp.args.Composite(**{item: argument}))[item]
+            with _quiet_left_reads():
+                return self._open().restore(iteration, args=ocp.args.Composite(**{item: argument}))[item]
         except Exception as error:  # Orbax raises many kinds, from OSError to plain ValueError, for damaged files
             raise self._damaged(iteration, item, _reason(error)) from error
 
@@ -346,6 +357,17 @@ def superfluous(iterations: Iterable[int], broken: int | None = None) -> list[in
     known = sorted(iterations)
     good = [] if broken is None else [step for step in known if step < broken][-1:]
     return [step for step in known[:-KEPT] if step not in good]
+
+
+@contextmanager
+def _quiet_left_reads() -> Iterator[None]:
+    """Around what Orbax reads: of damaged arrays one is raised, and the others are not told with tracebacks."""
+    try:
+        with quiet_left_writes():
+            yield
+    except Exception:
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # as when writing fails
+        raise
 
 
 def _without(state: Any, replay: str) -> Any:

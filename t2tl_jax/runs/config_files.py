@@ -25,6 +25,9 @@ from t2tl_jax.runs.config import Config, RunConfig
 from t2tl_jax.runs.migration import VERSION, migrated
 from t2tl_jax.training.types import LearnerConfig
 
+MOST_BYTES = 2**26
+"""Of a JSON file of a run that is read: a thousand seeds take a twentieth of it."""
+
 KIND = "kind"
 """Field of the JSON that says which of several dataclasses an object is."""
 
@@ -118,6 +121,19 @@ def _structured(text: str, source: str) -> Config:
         ) from error
 
 
+def read_text(path: Path) -> str:
+    """What a file of a run says, whose JSON takes several times its size in memory.
+
+    Raises:
+        OSError: if it cannot be read.
+        UserError: if it is larger than any that a run has.
+        UnicodeDecodeError: if it is no text.
+    """
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise UserError(f"{path} takes {size / 2**20:,.0f} MiB, and at most {MOST_BYTES // 2**20} MiB are read")
+    return path.read_text(encoding="utf-8")
+
+
 def load(path: Path) -> Config:
     """Read a configuration from a file; raises ``UserError`` as ``from_json`` does, and for a missing file.
 
@@ -125,7 +141,7 @@ def load(path: Path) -> Config:
     none if the file says none. A small file can ask for large tables: a `Note` says which of their limits it raises.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"cannot read {path}: {error}") from error
     config = from_json(text, str(path))
@@ -140,7 +156,7 @@ def load(path: Path) -> Config:
 
 def stored_version(path: Path) -> int:
     """The version of the format in which a file that `load` can read holds a configuration."""
-    return json.loads(path.read_text(encoding="utf-8")).get("version", 1)
+    return json.loads(read_text(path)).get("version", 1)
 
 
 def _exactly(value: Any, kind: type) -> Any:

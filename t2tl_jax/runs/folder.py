@@ -115,13 +115,14 @@ def open_existing(path: Path) -> tuple[RunFolder, Config]:
         raise UserError(f"there is no folder {path}{_runs_near(folder.path)}")
     if not folder.config.is_file():
         raise UserError(f"{path} is not a run: it has no {folder.config.name}{_runs_near(folder.path)}")
-    _check_links(folder.path)
+    _check_files(folder.path)
     return folder, machine_files.with_copy(config_files.load(folder.config), folder.path)
 
 
-def _check_links(path: Path) -> None:
+def _check_files(path: Path) -> None:
     """Refuse a run in which something is a symbolic link: one from a stranger could lead anywhere, to be read or
-    written. The folder itself may be reached by one."""
+    written. The folder itself may be reached by one. What is no file at all is refused too: who reads a pipe may wait
+    forever."""
     for parent, folders, files in os.walk(path.resolve()):
         for name in (*folders, *files):
             if (found := Path(parent, name)).is_symlink():
@@ -129,6 +130,9 @@ def _check_links(path: Path) -> None:
                     f"{found} is a link to {os.readlink(found)}; a run holds none, since it would be read and written "
                     "elsewhere. If it is yours, put in its place what it leads to"
                 )
+        for name in files:
+            if not (found := Path(parent, name)).is_file():
+                raise UserError(f"{found} is neither a file nor a folder; a run holds nothing else")
 
 
 @contextmanager
@@ -184,7 +188,7 @@ def read_json(path: Path) -> dict[str, Any]:
         UserError: if it holds something else.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(config_files.read_text(path))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:

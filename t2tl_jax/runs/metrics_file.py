@@ -160,6 +160,7 @@ def _complete_lines(path: Path) -> list[str]:
 def _bytes(path: Path) -> bytes:
     compressed = path.with_name(path.name + COMPRESSED)
     if path.exists() or not compressed.exists():
+        _check_fits(3 * path.stat().st_size, str(path))
         return path.read_bytes()
     with gzip.open(compressed) as file:
         data = file.read(MOST_BYTES + 1)

@@ -10,6 +10,7 @@ import pytest
 
 import experiments.configs  # noqa: F401, registers what runs are made of
 from experiments import evaluate_rows
+from t2tl_jax.errors import UserError
 from t2tl_jax.registry import make_env
 from t2tl_jax.runs import config_files
 from t2tl_jax.runs import met as of_pools
@@ -120,3 +121,18 @@ def test_reward_machines_are_named_and_the_other_tasks_counted(no_drawing):
 def test_that_pretraining_is_not_counted_is_said(no_drawing, name, says):
     legend = " ".join(evaluate_rows.rows_met(*stored(name), ["g3"], 0).legend())
     assert (evaluate_rows.BEFORE in legend) == says
+
+
+@pytest.mark.parametrize(
+    "content",
+    [{"a": 1}, {"exactly": 5}, {"exactly": {"z1": [1, 2]}, "renamed": {}}, {"exactly": {}, "renamed": {"z1": "x"}}],
+)
+def test_what_is_no_count_is_told(tmp_path, content):
+    (tmp_path / "met.json").write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(UserError, match=r"met\.json should hold, for each task"):
+        evaluate_rows.stored(tmp_path, ["z1"])
+
+
+def test_a_count_of_one_kind_alone_is_none(tmp_path):
+    (tmp_path / "met.json").write_text(json.dumps({"exactly": {"z1": "1/2"}, "renamed": {}}), encoding="utf-8")
+    assert evaluate_rows.stored(tmp_path, ["z1"]) == {}

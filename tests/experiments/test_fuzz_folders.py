@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import os
 import shutil
 import tempfile
 from pathlib import Path
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 import tests.fake_learner  # noqa: F401
 from experiments import compare, evaluate, play, plot, run
+from t2tl_jax.runs.host_arrays import checksum
 from tests.fuzzing import changed, examples, is_polite, said
 
 
@@ -175,3 +177,44 @@ def test_columns_of_metrics(finished_run, command, count):
             assert code == 0 or digests(folder) == before, changed_names
 
     one()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("command", "count"), [("resume", 25), ("evaluate", 10)])
+def test_what_a_checkpoint_says_of_itself(evaluated_run, command, count):
+    """With a checksum that fits: it is from a stranger, or the one before is taken."""
+    newest = max((evaluated_run / "checkpoints").iterdir(), key=lambda folder: int(folder.name))
+    file = newest / "info" / "metadata"
+    stored = json.loads(file.read_text())
+
+    @given(changed(stored))
+    @examples(count)
+    def one(content):
+        with tempfile.TemporaryDirectory() as base:
+            folder = Path(shutil.copytree(evaluated_run, Path(base, "run")))
+            if isinstance(content, dict) and "checksum" in content:
+                content["checksum"] = checksum(content)
+            (folder / file.relative_to(evaluated_run)).write_text(json.dumps(content))
+            code, errors = COMMANDS[command](folder)
+            assert is_polite(code, errors), (content, code, errors)
+
+    one()
+
+
+@pytest.mark.parametrize("name", ["status.json", "checkpoints/pipe"])
+@pytest.mark.parametrize("command", ["resume", "evaluate"])
+def test_a_pipe_is_not_waited_for(finished_run, tmp_path, name, command):
+    folder = Path(shutil.copytree(finished_run, tmp_path / "run"))
+    (folder / name).unlink(missing_ok=True)
+    os.mkfifo(folder / name)
+    code, errors = COMMANDS[command](folder)
+    assert code == 2 and "is neither a file nor a folder" in errors
+
+
+@pytest.mark.parametrize(("name", "command"), [("config.json", "evaluate"), ("status.json", "compare")])
+def test_a_file_that_would_fill_the_memory_is_not_read(finished_run, tmp_path, name, command):
+    folder = Path(shutil.copytree(finished_run, tmp_path / "run"))
+    with open(folder / name, "wb") as file:
+        file.truncate(2**40)
+    code, errors = COMMANDS[command](folder)
+    assert code == 2 and "takes 1,048,576 MiB, and at most 64 MiB are read" in errors

@@ -76,8 +76,8 @@ def test_which_fields_are_numbers(field, numbers):
     [
         (["learner.learning-rat=1,2"], "learning-rat: .*no such field; the nearest .* is learner.learning-rate"),
         (["learner.network.context.lenght=2"], "no such field; the nearest .* learner.network.context.length"),
-        (["run.gif=True,False"], "run.gif: it cannot be swept: .*changes nothing in it; the nearest field that can is"),
-        (["seeds=1,2"], "seeds: it cannot be swept: every point .* --seeds names; the nearest field that can is"),
+        (["run.gif=True,False"], "run.gif: it cannot be swept: .*changes nothing in it; one that can is"),
+        (["seeds=1,2"], "seeds: it cannot be swept: every point .* --seeds names; one that can is"),
         (["=0.9"], "--grid takes FIELD=VALUE,VALUE, such as"),
         (["learner.discount"], "--grid takes FIELD=VALUE,VALUE, such as"),
         (["learner.discount=0.9,"], "--grid takes FIELD=VALUE,VALUE, such as"),

@@ -33,7 +33,17 @@ def test_flag_and_variables():
     assert hosts.read(["--hosts=node1:1234,4,3"], {}) == ([], hosts.Hosts("node1:1234", 4, 3))
     given = dict(zip(hosts.VARIABLES, ("node1:1234", "2", "1"), strict=True))
     assert hosts.read([], given) == ([], hosts.Hosts("node1:1234", 2, 1))
-    for wrong in ("node1", "node1,2,0", "node1:1234,2,2", "node1:1234,2", "node1:1234,a,b", "node1:1234,²,0", ""):
+    for wrong in (
+        "node1",
+        "node1,2,0",
+        "node1:1234,2,2",
+        "node1:1234,2",
+        "node1:1234,a,b",
+        "node1:1234,²,0",
+        "",
+        ":1234,2,0",
+        "node1:0,2,0",
+    ):
         with pytest.raises(UserError, match="--hosts takes slurm, or HOST:PORT,COUNT,INDEX"):
             hosts.read(["--hosts", wrong], {})
 

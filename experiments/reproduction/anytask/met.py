@@ -5,6 +5,7 @@ what was drawn by chance and what was kept out both count.
 """
 
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from experiments.paper import fixed_set
 from experiments.reproduction.anytask import tested
 from experiments.reproduction.anytask.suites import WATER_CHAINS, Suite
 from t2tl_jax.env import LabelledEnv
+from t2tl_jax.errors import UserError
 from t2tl_jax.ltl import (
     Formula,
     is_family,
@@ -36,6 +38,9 @@ from t2tl_jax.runs.pools import make_pools
 
 FILE = "met.json"
 """In the folder of a kept run."""
+
+SHARE = re.compile("[0-9]{1,9}/[0-9]{1,9}")
+"""How many of a task's rows were met, of how many."""
 
 OWN = "its own family"
 """What the formulas are called, of the family of the training, that it is evaluated on."""
@@ -191,9 +196,22 @@ def keep(folder: Path, suites: tuple[Suite, ...]) -> None:
 
 
 def read(folder: Path) -> Shares:
-    """What is stored of it; nothing where there is no file."""
+    """What is stored of it; nothing where there is no file.
+
+    Raises:
+        UserError: if the file holds something else.
+    """
     file = folder / FILE
-    return read_json(file) if file.is_file() else {"exactly": {}, "renamed": {}, "rows": {}}
+    if not file.is_file():
+        return {"exactly": {}, "renamed": {}, "rows": {}}
+    stored = read_json(file)
+    if not all(_are_shares(stored.get(kind)) for kind in ("exactly", "renamed")):
+        raise UserError(f"{file} should hold, for each task, how many of its rows training met, such as 3/5")
+    return stored
+
+
+def _are_shares(found: Any) -> bool:
+    return isinstance(found, dict) and all(isinstance(text, str) and SHARE.fullmatch(text) for text in found.values())
 
 
 def cells(shares: Mapping[str, Mapping[str, Any]], task: str) -> tuple[str, str]:
