@@ -173,7 +173,7 @@ def from_tuple(value: Any, _depth: int = 0) -> Formula:
         TooLargeError: beyond `MAX_DEPTH` or `MAX_SIZE`.
     """
     if _depth > MAX_DEPTH:
-        raise TooLargeError(f"the tuple is nested more than {MAX_DEPTH} deep (formula.MAX_DEPTH)")
+        raise TooLargeError(f"the tuple is nested more than {MAX_DEPTH} deep (formula.MAX_DEPTH, no flag)")
     if isinstance(value, str):
         return {"True": TRUE, "False": FALSE}.get(value) or prop(value)
     if not isinstance(value, tuple | list) or not value or not isinstance(value[0], str):

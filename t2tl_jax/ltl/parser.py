@@ -147,7 +147,7 @@ class _Parser:
             self.open_parentheses += 1
             if self.open_parentheses > MAX_DEPTH:
                 place = caret(self.text, token.position)
-                raise TooLargeError(f"more than {MAX_DEPTH} parentheses are open (formula.MAX_DEPTH)\n{place}")
+                raise TooLargeError(f"more than {MAX_DEPTH} parentheses are open (formula.MAX_DEPTH, no flag)\n{place}")
             self.pending.append(_Pending("(", 0, token.position))
             return True
         if text in _UNARY:
