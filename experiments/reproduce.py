@@ -75,7 +75,7 @@ def _main(texts: Sequence[str]) -> int:
         import jax
 
         from experiments.cli import compilation_cache, cpu_devices
-        from experiments.reproduction import launch, report, stored, work
+        from experiments.reproduction import begun_apart, launch, report, stored, work
         from experiments.reproduction.anytask import met
         from experiments.reproduction.items import GROUPS, ITEMS
         from experiments.reproduction.page import SMOKE, page
@@ -177,7 +177,7 @@ def _main(texts: Sequence[str]) -> int:
         picture.draw(base / picture.file)
         if smoke:
             say_above(base / picture.file, SMOKE.strip("*"))
-    text = page(items, finished, smoke=smoke, pictures=report.shown_by(drawn))
+    text = page(items, finished, smoke=smoke, pictures=report.shown_by(drawn), remark=begun_apart.said)
     shown.write_text(text, encoding="utf-8")
     print(shown.read_text(encoding="utf-8"))
     print(f"written: {shown}")

@@ -2,12 +2,14 @@
 
 MuJoCo prints two lines when it is imported without its optional `warp`. On a CPU, XLA writes lines of a thousand
 characters for each program that it reads from the compilation cache: it finds features of the processor missing
-(`prefer-no-gather`) that are its own preferences, which no processor has. Where a checkpoint cannot be written, Orbax
-leaves the loop in which it waits, and TensorStore tells that loop of every other array, each with a traceback.
+(`prefer-no-gather`) that are its own preferences, which no processor has. Where a checkpoint cannot be written or
+read, Orbax leaves the loop in which it waits, and TensorStore tells that loop of every other array, each with a
+traceback.
 """
 
 import contextlib
 import io
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -42,22 +44,22 @@ def quiet_imports() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def quiet_left_writes() -> Iterator[None]:
-    """Drop what is said of writes whose loop was left; also after the block, if it ends with the error that says why,
+def quiet_left_loops() -> Iterator[None]:
+    """Drop what is said of arrays whose loop was left; also after the block, if it ends with the error that says why,
     since threads go on to say it."""
-    before = sys.unraisablehook
-    if isinstance(before, _WithoutLeftWrites):
-        yield
-        return
-    ours = _WithoutLeftWrites(before)
+    before, loops = sys.unraisablehook, logging.getLogger("asyncio")
+    ours = before if isinstance(before, _WithoutLeftLoops) else _WithoutLeftLoops(before)
+    level = loops.level
     sys.unraisablehook = ours
+    loops.setLevel(logging.CRITICAL)  # it says of each array what the error says
     yield
+    loops.setLevel(level)
     if sys.unraisablehook is ours:
         sys.unraisablehook = before
 
 
 @dataclass(frozen=True)
-class _WithoutLeftWrites:
+class _WithoutLeftLoops:
     """What is told of errors that nobody can catch, but for that one."""
 
     others: Callable[[Any], Any]

@@ -150,10 +150,10 @@ def _checked(config: Config, field: str) -> Any:
     flag, reason = field.replace("_", "-"), REASONS.get(field.partition(".")[0], "")
     # Numbers come first: they are what a sweep is for.
     numbers = [name for name in can if is_number(config, name)]
-    near = nearest(field, numbers, cutoff=0.6) or nearest(field, [*can, METHOD], cutoff=ALIKE)
+    near = nearest(field, numbers, cutoff=ALIKE) or nearest(field, [*can, METHOD], cutoff=ALIKE)
     if field not in known:
         reason = "this configuration has no such field"
-    hint = f"the nearest field that can is {near}" if near else f"one that can is {min(numbers, key=len)}"
+    hint = f"the nearest field that can is {near}" if near else f"one that can is {min(numbers or can, key=len)}"
     raise UserError(f"{flag}: it cannot be swept: {reason}; {hint.replace('_', '-')}")
 
 

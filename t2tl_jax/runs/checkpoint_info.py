@@ -1,35 +1,71 @@
 """The JSON object of a checkpoint: whether it is what was written, before anything in it is used."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypedDict
 
+import cattrs
+
+from t2tl_jax.runs.config_files import strict
 from t2tl_jax.runs.host_arrays import checksum
 
-STORED, ITERATION, MOST_BYTES = "stored", "iteration", 2**26
-"""In the object, what there is to know of the arrays; in that, the number of the checkpoint. And how large its file may
-be: more would fill the memory before anything is checked."""
+STORED = "stored"
+"""The field that holds what there is to know of the arrays (`About`)."""
 
-_SCORES = {"iteration": [int], "discounted_return": [float], "success_rate": [float]}
 
-FORMS: Mapping[str, Any] = {
-    "seeds": [int],
-    "frames": int,
-    "width": int,
-    "best": _SCORES,
-    "selection": _SCORES,
-    "rows": {"last": int, "stride": int, "count": int, "sums": dict},
-    "lessons": {"lessons": dict, "counts": [float]},
-    "watch": {"success": dict, "convergence": dict},
-    "faults": dict,
-    STORED: {"checksums": dict, "replay": str, ITERATION: int},
-}
-"""Of what each field is, if it is there: a kind, a list of one, or an object with fields of these."""
+class Scores(TypedDict):
+    """What selected parameters scored, by seed, and behind which iteration they come from."""
 
-NEEDED = {"best": _SCORES, "selection": _SCORES, "watch": ("success", "convergence")}
-"""What an object must not lack, if it is there."""
+    iteration: list[int]
+    discounted_return: list[float]
+    success_rate: list[float]
 
-NONE = ("best", "selection")
-"""What may be null."""
+
+class RowsSoFar(TypedDict, total=False):
+    """What `Thinning` goes on with."""
+
+    last: int
+    stride: int
+    count: int
+    sums: dict[str, Any]
+
+
+class Broken(TypedDict):
+    """In which iteration a seed broke."""
+
+    iteration: int
+
+
+class Watch(TypedDict):
+    """What is watched at every iteration, where rows are fewer."""
+
+    success: dict[str, Any]
+    convergence: dict[str, Any]
+
+
+class About(TypedDict, total=False):
+    """Checksums by item, what became of the replay, and the number of the checkpoint."""
+
+    checksums: dict[str, list[int]]
+    replay: str
+    iteration: int
+
+
+class Info(TypedDict, total=False):
+    """The fields whose form is checked; those that are null or not there have none."""
+
+    seeds: list[int]
+    frames: int
+    width: int
+    best: Scores | None
+    selection: Scores | None
+    rows: RowsSoFar
+    lessons: dict[str, Any]
+    watch: Watch
+    faults: dict[str, Broken]
+    stored: About
+
+
+_CONVERTER = strict(cattrs.Converter())
 
 
 def problem(info: Any, iteration: int) -> str:
@@ -44,25 +80,17 @@ def problem(info: Any, iteration: int) -> str:
             return "it is not what was written"
     elif STORED in info or "seeds" not in info:
         return "its checksum is missing"
-    for name, form in FORMS.items():
-        if name in info and not (info[name] is None and name in NONE):
-            value = info[name]
-            if not _fits(value, form) or any(field not in value for field in NEEDED.get(name, ())):
-                return f"its field {name!r} is of another form"
-    faults = info.get("faults", {}).values()
-    if not all(_fits(entry, {"iteration": int}) and "iteration" in entry for entry in faults):
-        return "its field 'faults' is of another form"
-    rows = {"stride": 1, "count": 0, "sums": {}} | info.get("rows", {})  # as `Thinning` keeps them
+    try:
+        _CONVERTER.structure(info, Info)
+    except cattrs.ClassValidationError as error:
+        return cattrs.transform_error(error, path="info")[0]
+    return _contradiction(info, iteration)
+
+
+def _contradiction(info: Mapping[str, Any], iteration: int) -> str:
+    rows = {"stride": 1, "count": 0, "sums": {}} | info.get("rows", {})
     if not 0 <= rows["count"] < rows["stride"] or bool(rows["count"]) != bool(rows["sums"]):
         return "its field 'rows' contradicts itself"
-    if (written := info.get(STORED, {}).get(ITERATION, iteration)) != iteration:
+    if (written := info.get(STORED, {}).get("iteration", iteration)) != iteration:
         return f"it was written as that of iteration {written}"
     return ""
-
-
-def _fits(value: Any, form: Any) -> bool:
-    if isinstance(form, list):
-        return isinstance(value, list) and all(_fits(one, form[0]) for one in value)
-    if isinstance(form, dict):
-        return isinstance(value, dict) and all(_fits(value[name], of) for name, of in form.items() if name in value)
-    return type(value) is form or (form is float and type(value) is int)

@@ -10,9 +10,8 @@ import logging
 import os
 import shutil
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -21,9 +20,10 @@ import jax
 import orbax.checkpoint as ocp
 
 from t2tl_jax.errors import Note
-from t2tl_jax.quiet import quiet_left_writes
-from t2tl_jax.runs import checkpoint_info, host_arrays
-from t2tl_jax.runs.checkpoint_info import STORED
+from t2tl_jax.quiet import quiet_left_loops
+from t2tl_jax.runs import host_arrays
+from t2tl_jax.runs.checkpoint_info import STORED, problem
+from t2tl_jax.runs.config_files import MOST_BYTES
 from t2tl_jax.runs.host_arrays import checksum, checksums
 from t2tl_jax.training import hosts
 
@@ -261,13 +261,13 @@ class Checkpoints:
             stored: dict[str, Any] = {
                 "checksums": {name: checksums(tree) for name, tree in trees.items()},
                 REPLAY: kept,
+                "iteration": iteration,
             }
-            stored[checkpoint_info.ITERATION] = iteration
             info = {**info, STORED: stored}
             items = {name: ocp.args.StandardSave(tree) for name, tree in trees.items()}
             items["info"] = ocp.args.JsonSave({**info, "checksum": checksum(info)})
             manager = self._open()
-            with quiet_left_writes():
+            with quiet_left_loops():
                 manager.save(iteration, args=ocp.args.Composite(**items), force=True)
                 manager.wait_until_finished()
             for step in superfluous(manager.all_steps(), broken):
@@ -276,7 +276,6 @@ class Checkpoints:
                 for other in self.folder.glob(f"*/{REPLAY}"):
                     shutil.rmtree(other, ignore_errors=True)
         except Exception as error:  # Orbax raises many kinds; a full disk is an OSError or a ValueError
-            logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # which says of each array what is said here
             self.clean()
             raise CheckpointError(
                 f"cannot write checkpoint {self.folder / str(iteration)}: {_reason(error)}\n"
@@ -285,10 +284,10 @@ class Checkpoints:
 
     def _info(self, iteration: int) -> dict[str, Any]:
         folder = self.folder / str(iteration) / "info"
-        if sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) > checkpoint_info.MOST_BYTES:
-            raise self._damaged(iteration, "info", f"it takes more than {checkpoint_info.MOST_BYTES // 2**20} MiB")
+        if any(file.stat().st_size > MOST_BYTES for file in folder.rglob("*")):
+            raise self._damaged(iteration, "info", f"it takes more than {MOST_BYTES // 2**20} MiB")
         info = self._from_disk(iteration, "info", ocp.args.JsonRestore())
-        if reason := checkpoint_info.problem(info, iteration):
+        if reason := problem(info, iteration):
             raise self._damaged(iteration, "info", reason)
         return info
 
@@ -316,7 +315,7 @@ class Checkpoints:
         """Refuse arrays of other shapes or dtypes before any of them is read: a small file can hold huge ones."""
         place = self.folder / str(iteration)
         try:
-            with _quiet_left_reads():
+            with quiet_left_loops():
                 there = self._handlers[name].metadata(place / name).tree
         except Exception as error:  # as in `_from_disk`
             raise self._damaged(iteration, name, _reason(error)) from error
@@ -334,7 +333,7 @@ class Checkpoints:
 
     def _from_disk(self, iteration: int, item: str, argument: Any) -> Any:
         try:
-            with _quiet_left_reads():
+            with quiet_left_loops():
                 return self._open().restore(iteration, args=ocp.args.Composite(**{item: argument}))[item]
         except Exception as error:  # Orbax raises many kinds, from OSError to plain ValueError, for damaged files
             raise self._damaged(iteration, item, _reason(error)) from error
@@ -357,17 +356,6 @@ def superfluous(iterations: Iterable[int], broken: int | None = None) -> list[in
     known = sorted(iterations)
     good = [] if broken is None else [step for step in known if step < broken][-1:]
     return [step for step in known[:-KEPT] if step not in good]
-
-
-@contextmanager
-def _quiet_left_reads() -> Iterator[None]:
-    """Around what Orbax reads: of damaged arrays one is raised, and the others are not told with tracebacks."""
-    try:
-        with quiet_left_writes():
-            yield
-    except Exception:
-        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # as when writing fails
-        raise
 
 
 def _without(state: Any, replay: str) -> Any:

@@ -42,14 +42,18 @@ REGISTRIES: dict[type, Registry] = {
 """Where the kinds of a base class are registered."""
 
 
-@cache
-def _converter() -> cattrs.Converter:
-    """One for all configurations: what it does for a class it writes when it meets that first, which takes longer."""
-    converter = cattrs.Converter(forbid_extra_keys=True)
-    # cattrs would turn the text "false" into True and 0.5 into 0.
+def strict(converter: cattrs.Converter) -> cattrs.Converter:
+    """The converter, which takes values as they are: cattrs would turn the text "false" into True and 0.5 into 0."""
     for kind in (bool, int, str):
         converter.register_structure_hook(kind, _exactly)
     converter.register_structure_hook(float, _number)
+    return converter
+
+
+@cache
+def _converter() -> cattrs.Converter:
+    """One for all configurations: what it does for a class it writes when it meets that first, which takes longer."""
+    converter = strict(cattrs.Converter(forbid_extra_keys=True))
 
     def structured(registry: Registry, value: Any, _: Any) -> Any:
         fields = dict(value) if isinstance(value, dict) else {}

@@ -18,7 +18,7 @@ import tensorstore
 from flax import struct
 
 from t2tl_jax.errors import Note
-from t2tl_jax.quiet import LEFT_LOOP, quiet_left_writes
+from t2tl_jax.quiet import LEFT_LOOP, quiet_left_loops
 from t2tl_jax.runs import checkpoints
 from t2tl_jax.runs.checkpoints import CheckpointError, Checkpoints
 
@@ -225,7 +225,7 @@ def test_a_state_of_a_version_with_another_replay_is_told(tmp_path, monkeypatch)
             checkpoints.read(lambda _: {"state": other}, "replay")
 
 
-def test_what_is_said_of_left_writes_is_dropped_and_other_errors_are_heard(monkeypatch):
+def test_what_is_said_of_left_loops_is_dropped_and_other_errors_are_heard(monkeypatch):
     heard = []
     monkeypatch.setattr(sys, "unraisablehook", heard.append)
     ours = sys.unraisablehook
@@ -235,11 +235,11 @@ def test_what_is_said_of_left_writes_is_dropped_and_other_errors_are_heard(monke
         for unraisable in (left, other):
             sys.unraisablehook(unraisable)
 
-    with quiet_left_writes():
+    with quiet_left_loops():
         say()
     assert heard == [other] and sys.unraisablehook == ours
     for _ in range(2):  # threads go on to say it
-        with pytest.raises(OSError, match="full"), quiet_left_writes():
+        with pytest.raises(OSError, match="full"), quiet_left_loops():
             raise OSError("full")
     say()
     assert heard == [other, other]
