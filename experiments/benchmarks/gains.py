@@ -267,17 +267,17 @@ def _iteration(config: Any) -> Form:
     import jax
 
     from experiments.benchmarks.operations import count
+    from t2tl_jax.runs.compilation import Compilation
     from t2tl_jax.runs.experiment import build
 
     experiment = build(config)
     program = experiment.program
-    iterate, state = program.lowered_iterate.compile(), program.lowered_init.compile()
-
-    current = state(program.keys, program.env_params)
+    compiled = Compilation(program, fresh=True).result()
+    current = compiled.init(program.keys, program.env_params)
 
     def once() -> Any:
         nonlocal current
-        current, metrics = iterate(current, program.env_params)
+        current, metrics = compiled.iterate(current, program.env_params)
         return metrics
 
     given = experiment.task_env.make_params(experiment.seeds[0])

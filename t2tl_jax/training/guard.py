@@ -86,7 +86,9 @@ def watched(agent: Agent) -> Agent:
     """
 
     def iterate(state: Any, env_params: TaskParams) -> tuple[Any, Metrics]:
-        after, metrics = agent.iterate(state, env_params)
+        with jax.named_scope("guard"):
+            used = _apart(state, env_params, agent.replay)
+        after, metrics = agent.iterate(used, env_params)
         with jax.named_scope("guard"):
             fault, scalars = _fault(after, metrics, env_params)
             is_good = fault == Fault.NONE
@@ -117,6 +119,27 @@ def _fault(after: Any, metrics: Metrics, env_params: TaskParams) -> tuple[jax.Ar
     if not isinstance(earlier, tuple):
         fault = jnp.where(jnp.asarray(earlier) != Fault.NONE, earlier, fault)
     return fault, scalars
+
+
+def _apart(state: Any, env_params: TaskParams, replay: str) -> Any:
+    """The same numbers in memory of their own, but for the replay.
+
+    The loops of an iteration work in the memory of the state that they are given, so what a frozen seed goes back to
+    has to lie elsewhere. XLA would copy it array by array, and on a GPU each of some hundred small copies costs. A
+    choice whose outcome it cannot know, no fault being negative, makes them kernels that it joins to a few.
+    """
+    fault = getattr(env_params, "fault", ())
+    if isinstance(fault, tuple):  # a caller who keeps none, as tests do
+        return state
+    is_a_fault = jnp.asarray(fault) >= Fault.NONE
+
+    def apart(x: jax.Array) -> jax.Array:
+        if jnp.issubdtype(x.dtype, jax.dtypes.prng_key):
+            return x
+        return jnp.where(is_a_fault, x, jnp.zeros_like(x))
+
+    copied = jax.tree.map(apart, state)
+    return replace(copied, **{replay: getattr(state, replay)}) if replay else copied
 
 
 def _chosen(is_good: jax.Array, after: Any, before: Any, replay: str) -> Any:

@@ -298,33 +298,36 @@ def test_which_checkpoints_give_way(broken, gone):
 
 
 @pytest.mark.slow
-def test_the_guard_costs_a_pass_over_the_state_and_changes_no_number():
+def test_the_guard_costs_two_passes_over_the_state_and_changes_no_number():
     """PPO in ZoneEnv. A gradient step goes over parameters and moments, too, and an iteration has dozens or hundreds of
-    them, which the compiler's count knows as one. One robot whose physics fails freezes the seed, though every number
-    that the learner sees is finite."""
+    them, which the compiler's count knows as one. The state is set apart by kernels that can be joined, not by a copy
+    of each array. One robot whose physics fails freezes the seed, though every number that the learner sees is
+    finite."""
     zones = ZoneEnv(ZoneConfig(physics="closed_form"))
     env = TaskEnv(zones, compile_tasks("F Red", zones.propositions, zones.alphabet))
     plain = begun_quickly(make_ppo(env, replace(PPO, network=ONE_HOT), 30, 60))
     given = env.make_params(0).replace(fault=jnp.int32(0))
     state = jax.jit(plain.init)(jax.random.key(0), given)
-    ended, costs = [], []
+    ended, costs, copies = [], [], []
     for agent in (plain, watched(plain)):
-        compiled = jax.jit(agent.iterate).lower(state, given).compile()
-        after, metrics = state, None
+        compiled = jax.jit(agent.iterate, donate_argnums=0).lower(state, given).compile()
+        after, metrics = jax.tree.map(jnp.copy, state), None
         for _ in range(3):
             after, metrics = compiled(after, given)
         ended.append((after, metrics.episodes, {k: v for k, v in metrics.scalars.items() if FAILED not in k}))
         costs.append(compiled.cost_analysis())
+        copies.append(compiled.as_text().count(" copy("))
     chex.assert_trees_all_equal(*ended)
     numbers = sum(x.size for x in jax.tree.leaves(state))
-    assert costs[1]["flops"] - costs[0]["flops"] <= 2 * numbers
-    assert costs[1]["bytes accessed"] - costs[0]["bytes accessed"] <= 5 * 4 * numbers
+    assert costs[1]["flops"] - costs[0]["flops"] <= 3 * numbers
+    assert costs[1]["bytes accessed"] - costs[0]["bytes accessed"] <= 6 * 4 * numbers
+    assert copies[1] <= copies[0]
 
     world = state.episodes.state.pipeline_state
     robot = world.env.robot.replace(qvel=world.env.robot.qvel.at[3].set(NAN))
     world = world.replace(env=world.env.replace(robot=robot))
     broken = state.replace(episodes=state.episodes.replace(state=state.episodes.state.replace(pipeline_state=world)))
-    after, metrics = compiled(broken, given)
+    after, metrics = compiled(jax.tree.map(jnp.copy, broken), given)
     assert int(metrics.fault) == Fault.ENVIRONMENT and np.isfinite(metrics.scalars["policy_loss"])
     chex.assert_trees_all_equal(after, broken)
 
