@@ -92,10 +92,10 @@ was traced anew. The aim was set when JAX's compiled programs were all that was 
 Starts with kept traces decide where there are some; all that are stored are in the second table. On GPUs, those with
 and without are of different hosts and commits."""
 
-LAYERS = """Most of T1TL's compiling is the choice of a kernel for each matrix product, most of them of the task's
-Transformer, whose four layers are written out. Two trials, of which no figures are stored, were no way out: layers in a
-loop, which on a CPU compile and run slower, and on an H200 compiled a little sooner and trained slower; and fewer
-candidates for each product, which saved little and made training slower. What T2TL compiles beyond that was not
+LAYERS = """Where T1TL's compiling goes is in the next table; no step is most of it. Of the matrix products most are of
+the task's Transformer, whose four layers are written out. Two trials, of which no figures are stored, were no way out:
+layers in a loop, which on a CPU compile and run slower, and on an H200 compiled a little sooner and trained slower; and
+fewer candidates for each product, which saved little and made training slower. What T2TL compiles beyond that was not
 taken apart; it has a second Transformer, and its programs are larger by that."""
 
 

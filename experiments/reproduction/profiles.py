@@ -88,8 +88,8 @@ def _profiled(stored: Mapping[str, Any], file: Path) -> str:
         seeds = f"{of['seeds']} seed{'s' * (of['seeds'] > 1)}"
         parts += [
             paragraph(
-                f"`{name}`, {seeds}: {of['frames']:,} frames in {_ms(of['seconds'])} ({_ms(of['fastest'])} to "
-                f"{_ms(of['slowest'])}), {rate:,.0f} frames/s.{_kernels(of)}"
+                f"`{name}`, {seeds}: {of['frames']:,} frames in {milliseconds(of['seconds'])} "
+                f"({milliseconds(of['fastest'])} to {milliseconds(of['slowest'])}), {rate:,.0f} frames/s.{_kernels(of)}"
             ),
             _table(of, peaks),
         ]
@@ -103,7 +103,7 @@ def _kernels(of: Mapping[str, Any]) -> str:
     without = "" if of["without_a_part"] < SEEN else f", of which {of['without_a_part']:.1%} are of no known operation"
     return (
         f" Kernels that are launched one by one, as they are under the profiler, are at work for "
-        f"{_ms(of['kernels'])}{without}."
+        f"{milliseconds(of['kernels'])}{without}."
     )
 
 
@@ -118,10 +118,10 @@ def _table(of: Mapping[str, Any], peaks: Mapping[str, float]) -> str:
             (
                 name,
                 f"{part['share']:.1%}",
-                _ms(took),
+                milliseconds(took),
                 f"{part['gigaflop']:.2f}",
                 f"{part['gigabytes']:.2f}",
-                _ms(floor),
+                milliseconds(floor),
                 f"{max(0.0, took - floor) / of['seconds']:.1%}",
             )
         )
@@ -166,5 +166,6 @@ def _command(stored: Mapping[str, Any], file: Path) -> str:
     return shlex.join(f"results/{file.name}" if word.endswith(".json") else word for word in words)
 
 
-def _ms(seconds: float) -> str:
+def milliseconds(seconds: float) -> str:
+    """As it is written in tables."""
     return f"{1e3 * seconds:,.0f} ms" if seconds >= 0.02 else f"{1e3 * seconds:.1f} ms"

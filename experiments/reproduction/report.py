@@ -27,9 +27,11 @@ from experiments.reproduction.anytask.terms import TERMS
 from experiments.reproduction.attention_picture import AttentionPicture, attention_picture
 from experiments.reproduction.cells import text
 from experiments.reproduction.changed import changed
+from experiments.reproduction.compiling import compiling
 from experiments.reproduction.episode import EpisodeGIF
 from experiments.reproduction.graphs import graphs
 from experiments.reproduction.guard_price import guard_price
+from experiments.reproduction.halved import halved
 from experiments.reproduction.items import PAPER_ITEMS
 from experiments.reproduction.kept_agents import kept_agents
 from experiments.reproduction.measures import frames_before, frames_to
@@ -128,6 +130,8 @@ def documentation(root: Path) -> Documentation:
             "guard": guard_price(results),
             "graphs": graphs(results),
             "scaling": scaling(results),
+            "halved": halved(results),
+            "compiling": compiling(results),
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),
             "tables": arithmetic.tables(results),
