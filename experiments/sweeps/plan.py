@@ -13,6 +13,9 @@ from t2tl_jax.quiet import quiet_imports
 
 PROG = "python -m experiments.sweep"
 
+MOST_DIGITS = 18
+"""Of a number that can be meant."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -82,7 +85,7 @@ def read(texts: Sequence[str]) -> Plan:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     parser.add_argument("--grid", action="append", default=[])
     parser.add_argument("--space", action="append", default=[])
-    parser.add_argument("--search", type=int)
+    parser.add_argument("--search", nargs="+")
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--search-seed", type=int, default=0)
     parser.add_argument("--folder", type=Path)
@@ -102,10 +105,10 @@ def read(texts: Sequence[str]) -> Plan:
         from experiments.sweeps import space
 
     searches = own.search is not None
+    trials = _trials(own.search) if searches else 0
     if own.grid if searches else own.space:
         raise UserError("give --grid alone for a grid, or both --search TRIALS and --space FIELD=RANGE for a search")
     for flag, number, least in (
-        ("search", own.search, 1),
         ("batch", own.batch, 1),
         ("search-seed", own.search_seed, 0),
         ("workers", handed.workers, 1),
@@ -128,26 +131,34 @@ def read(texts: Sequence[str]) -> Plan:
     dimensions = space.check(space.read(own.space), config.seeds, asked, PROG) if searches else ()
     points = () if searches else grid.points(axes, asked, PROG)
     return Plan(
-        *(name, config, asked, rest, base.expanduser(), axes, points, own.search or 0, dimensions),
+        *(name, config, asked, rest, base.expanduser(), axes, points, trials, dimensions),
         batch=own.batch,
         search_seed=own.search_seed,
         words=words,
-        only=None if handed.only is None else _numbers(handed.only, own.search or len(points)),
+        only=None if handed.only is None else _numbers(handed.only, trials or len(points)),
         cluster=_cluster(handed),
     )
+
+
+def _trials(words: Sequence[str]) -> int:
+    """What ``--search`` says: 64, or ``64 trials``; UserError for anything else."""
+    number, *unit = " ".join(words).split() or [""]
+    if not _is_number(number) or int(number) < 1 or unit not in ([], ["trial"], ["trials"]):
+        raise UserError(f"--search takes how many trials, a whole number from 1 on, got {' '.join(words)[:80]!r}")
+    return int(number)
 
 
 def _numbers(text: str, count: int) -> list[int]:
     """What ``--only`` says; UserError for what is no list of points."""
     parts = [part.strip() for part in text.split(",")]
     if not all(_is_number(part) and int(part) < count for part in parts):
-        raise UserError(f"--only takes numbers of points from 0 to {count - 1}, such as 0,2, got {text!r}")
+        raise UserError(f"--only takes numbers of points from 0 to {count - 1}, such as 0,2, got {text[:80]!r}")
     return sorted({int(part) for part in parts})
 
 
 def _is_number(text: str) -> bool:
-    """Whether a text is a whole number in the digits 0 to 9."""
-    return text.isascii() and text.isdecimal()
+    """Whether a text is a whole number in the digits 0 to 9, of so few that it can be meant."""
+    return text.isascii() and text.isdecimal() and len(text) <= MOST_DIGITS
 
 
 def _cluster(handed: argparse.Namespace) -> Cluster | None:

@@ -92,7 +92,7 @@ def watched(agent: Agent) -> Agent:
         with jax.named_scope("guard"):
             fault, scalars = _fault(after, metrics, env_params)
             is_good = fault == Fault.NONE
-            after = _chosen(is_good, after, state, agent.replay)
+            after = _chosen(is_good, after, state, used, agent.replay)
             episodes, tasks = jax.tree.map(
                 lambda x: jnp.where(is_good, x, jnp.zeros_like(x)), (metrics.episodes, metrics.tasks)
             )
@@ -122,19 +122,19 @@ def _fault(after: Any, metrics: Metrics, env_params: TaskParams) -> tuple[jax.Ar
 
 
 def _apart(state: Any, env_params: TaskParams, replay: str) -> Any:
-    """The same numbers in memory of their own, but for the replay.
+    """The same numbers in memory of their own, but for the replay and keys of random numbers.
 
     The loops of an iteration work in the memory of the state that they are given, so what a frozen seed goes back to
-    has to lie elsewhere. XLA would copy it array by array, and on a GPU each of some hundred small copies costs. A
-    choice whose outcome it cannot know, no fault being negative, makes them kernels that it joins to a few.
+    has to lie elsewhere. XLA would copy it array by array, and on a GPU hundreds of small copies cost. A choice whose
+    outcome it cannot know, no fault being negative, makes them kernels that it joins to a few.
     """
     fault = getattr(env_params, "fault", ())
     if isinstance(fault, tuple):  # a caller who keeps none, as tests do
         return state
     is_a_fault = jnp.asarray(fault) >= Fault.NONE
 
-    def apart(x: jax.Array) -> jax.Array:
-        if jnp.issubdtype(x.dtype, jax.dtypes.prng_key):
+    def apart(x: Any) -> Any:
+        if jnp.issubdtype(jnp.result_type(x), jax.dtypes.prng_key):
             return x
         return jnp.where(is_a_fault, x, jnp.zeros_like(x))
 
@@ -142,14 +142,18 @@ def _apart(state: Any, env_params: TaskParams, replay: str) -> Any:
     return replace(copied, **{replay: getattr(state, replay)}) if replay else copied
 
 
-def _chosen(is_good: jax.Array, after: Any, before: Any, replay: str) -> Any:
-    """`after` if that is good, else `before`, but for the replay."""
+def _chosen(is_good: jax.Array, after: Any, before: Any, used: Any, replay: str) -> Any:
+    """`after` if that is good, else `before`, but for the replay; `used` is `before` as the learner was given it."""
     new, old = (jax.tree.map(lambda x: (jnp.shape(x), jnp.result_type(x)), tree) for tree in (after, before))
     if new != old:  # a learner that changes the form of its state, which whoever traces it tells
         return after
     if replay:
-        before = replace(before, **{replay: getattr(after, replay)})
-    return jax.tree.map(lambda new, old: new if new is old else jnp.where(is_good, new, old), after, before)
+        before, used = (replace(tree, **{replay: getattr(after, replay)}) for tree in (before, used))
+
+    def one(new: Any, old: Any, given: Any) -> Any:
+        return old if new is given else jnp.where(is_good, new, old)
+
+    return jax.tree.map(one, after, before, used)
 
 
 def any_where(test: Any, tree: Any) -> jax.Array:

@@ -11,7 +11,7 @@ import pytest
 import tests.fake_learner  # noqa: F401, the configuration `fake`
 from experiments import sweep, tuning
 from experiments.cli import request
-from experiments.sweeps import space
+from experiments.sweeps import plan, space
 from experiments.sweeps.search import CONFIGURATION, FILE, Search, recorded, worth
 from t2tl_jax.errors import UserError
 from t2tl_jax.registry import named_config
@@ -213,6 +213,19 @@ def test_a_search_leaves_ordinary_runs_and_says_how_to_report(tmp_path, capsys):
 
     assert command(tmp_path, 4) == 0  # only the trial that is not there yet
     assert capsys.readouterr().out.count("compiled in") == 1
+
+
+@pytest.mark.parametrize("words", [["64"], ["64", "trials"], ["64 trials"]])
+def test_how_many_trials_may_be_said_in_words(words):
+    flags = ["--config", "fake", "--search", *words, "--space", "learner.rate=log:1e-3..1e-1"]
+    assert plan.read(flags).trials == 64
+
+
+@pytest.mark.parametrize("words", [["0"], ["-3"], ["four"], ["4", "runs"], ["4", "5"], [""], ["9" * 5000]])
+def test_how_many_trials_is_a_number(words, capsys):
+    flags = ["--config", "fake", "--search", *words, "--space", "learner.rate=log:1e-3..1e-1"]
+    assert sweep.main(flags) == 2
+    assert "--search takes how many trials" in capsys.readouterr().err
 
 
 def test_a_search_needs_its_own_options(tmp_path, capsys):

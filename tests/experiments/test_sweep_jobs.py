@@ -57,8 +57,10 @@ def test_programs_are_taken_apart_for_idle_workers():
         (("--workers", "2", "--cluster-option", "colour=red"), "submitit does not take this sweep to local: .*colour"),
         (("--workers", "2", "--cluster-option", "gpus-per-node=two"), "gpus-per-node takes a whole number.* 'two'"),
         (("--workers", "2", "--cluster-option", "gpus-per-node=²"), "gpus-per-node takes a whole number.* '²'"),
+        (("--workers", "2", "--cluster-option", f"gpus-per-node={'9' * 5000}"), "gpus-per-node takes a whole number"),
         (("--workers", "2", "--only", "1"), "leave --workers out"),
         (("--only", "²"), "--only takes numbers of points from 0 to 2, such as 0,2, got '²'"),
+        (("--only", "9" * 5000), "--only takes numbers of points from 0 to 2, such as 0,2, got '999"),
         (("--only", "1,3"), "--only takes numbers of points from 0 to 2, such as 0,2, got '1,3'"),
     ],
 )

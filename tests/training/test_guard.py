@@ -224,12 +224,23 @@ def test_whatever_a_stored_fault_is_called_its_seed_stays_frozen():
     assert faults.codes(progress).tolist() == [Fault.GRADIENT, Fault.ENVIRONMENT, Fault.ENVIRONMENT, Fault.NONE]
 
 
-def test_a_state_may_hold_plain_numbers():
+@pytest.mark.parametrize("jit", [jax.jit, lambda function: function])
+@pytest.mark.parametrize("given", [None, TaskParams((), (), fault=jnp.int32(0))])
+def test_a_state_may_hold_plain_numbers(given, jit):
     def iterate(state, env_params):
         return {"count": 3, "w": state["w"] + 1}, Metrics(NOBODY, {"loss": jnp.float32(0)})
 
-    state, _ = jax.jit(watched(Agent(None, iterate, None, None, 1)).iterate)({"count": 2, "w": jnp.int32(0)}, None)
+    state, _ = jit(watched(Agent(None, iterate, None, None, 1)).iterate)({"count": 2, "w": jnp.int32(0)}, given)
     assert (int(state["count"]), int(state["w"])) == (3, 1)
+
+
+def test_what_a_learner_hands_through_is_neither_copied_nor_chosen():
+    def iterate(state, env_params):
+        return state | {"w": state["w"] + 1}, Metrics(NOBODY, {"loss": jnp.float32(0)})
+
+    state, given = {"key": jax.random.key(0), "same": jnp.arange(3), "w": jnp.arange(3)}, TaskParams((), (), fault=0)
+    after, _ = watched(Agent(None, iterate, None, None, 1)).iterate(state, given)
+    assert after["same"] is state["same"] and after["key"] is state["key"] and after["w"].tolist() == [1, 2, 3]
 
 
 def test_a_frozen_seed_stays_so_when_what_broke_it_is_gone():
@@ -246,12 +257,16 @@ def test_a_frozen_seed_stays_so_when_what_broke_it_is_gone():
     assert int(metrics.fault) == Fault.LOSS
 
 
-def test_replay_is_not_kept():
+@pytest.mark.parametrize("given", [None, TaskParams((), (), fault=jnp.int32(0))])
+def test_replay_is_neither_kept_nor_copied(given):
+    seen = []
+
     def iterate(state, env_params):
+        seen.append(state.episodes)
         return State(state.episodes + 1), Metrics(NOBODY, {"loss": jnp.float32(NAN)})
 
-    agent = watched(Agent(None, iterate, None, None, 1, replay="episodes"))
-    assert int(agent.iterate(State(jnp.int32(1)), None)[0].episodes) == 2
+    agent, replay = watched(Agent(None, iterate, None, None, 1, replay="episodes")), jnp.int32(1)
+    assert int(agent.iterate(State(replay), given)[0].episodes) == 2 and seen[0] is replay
 
 
 @pytest.mark.slow
