@@ -118,6 +118,8 @@ def gradient(results: Path) -> str:
             rows.append(_learning(row, kiloflop[LEARNERS[row.what]], peak))
             shown.append(where)
     if rows:
+        if (results / PROFILE).is_file():
+            shown.append(read_json(results / PROFILE)["where"])
         said = f"""
             Learning on one H200: each frame is a sample of as many gradient steps as there are epochs. Predicted is
             what their arithmetic takes at {peak:.0f} TFLOP/s ({products}), measured is the time of an iteration that is

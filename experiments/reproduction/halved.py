@@ -30,11 +30,11 @@ def halved(results: Path) -> str:
     shared = ""
     if one is not None and two is not None:
         shared = f"""Two GPUs with half of the environments each make {two / one:.2f} times the frames/s of one
-            ({three_digits(two)} and {three_digits(one)}); if they had nothing to tell each other, they would make
-            {whole / rest:.2f} times as many."""
+            ({three_digits(two)} and {three_digits(one)}); if they had nothing to tell each other and did nothing twice,
+            they would make {whole / rest:.2f} times as many, by this table."""
     said = f"""One seed on one GPU, `{many}` and `{few}`, with minibatches smaller by the same factor. Shares are those
-        under the profiler, where kernels are launched one by one, of the time of an iteration as a run has it. What a
-        part takes whatever the batch is not shared out by sharing out environments. {shared} {stored["note"]}"""
+        under the profiler, where kernels are launched one by one, of the time of an iteration as a run has it. A ratio
+        below 2 is time that is not shared out by sharing out environments. {shared} {stored["note"]}"""
     heading = ("part", "all environments", "half of them", "ratio")
     return "\n\n".join([paragraph(said), table(heading, rows), origin([stored["where"]])])
 
