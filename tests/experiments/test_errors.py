@@ -1,5 +1,8 @@
 """How commands end that have not enough memory: in words, with the exit code of what cannot be used."""
 
+import subprocess
+import sys
+
 import jax
 import numpy as np
 import pytest
@@ -38,3 +41,15 @@ def test_too_little_memory_is_told(command, said, capsys):
 def test_other_errors_are_no_lack_of_memory():
     with pytest.raises(RuntimeError, match="a mistake of ours"):
         guarded(raises(RuntimeError("a mistake of ours")))
+
+
+def test_a_process_that_ends_looks_for_garbage_no_more():
+    """What is registered first is called last, when everything has been set aside."""
+    command = """
+import atexit, gc
+atexit.register(lambda: print(gc.get_freeze_count() > 0))
+from experiments.cli.errors import guarded
+print(gc.get_freeze_count() > 0, guarded(lambda: 3))
+"""
+    done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "3", "True"]
