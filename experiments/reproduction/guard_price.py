@@ -53,4 +53,4 @@ def guard_price(results: Path) -> str:
     measured = {row[0] for row in rows}
     left = [what for name, what in STEPS.items() if name.startswith(STEP) and what not in measured]
     not_yet = [paragraph(f"Not measured with an interval: {'; '.join(left)}.")] if left else []
-    return "\n\n".join([paragraph(SAID), table(heading, rows), *not_yet, origin(wheres)])
+    return "\n\n".join([paragraph(SAID), table(heading, rows), *not_yet, paragraph(origin(wheres))])
