@@ -22,7 +22,7 @@ SMALLER = "some number of the configuration is too large for this machine, of en
 def guarded(command: Callable[[], int]) -> int:
     """Run a command and turn expected errors into a message and an exit code.
 
-    At the end of its process Python looks for garbage no more: among what JAX holds that takes half a second.
+    At the end of its process Python looks for garbage no more: among what JAX holds that takes a part of a second.
 
     Returns:
         What the command returns, ``INVALID`` after a ``UserError`` or where memory is too small, 130 after Ctrl-C

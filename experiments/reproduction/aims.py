@@ -94,10 +94,8 @@ and without are of different hosts and commits. Those on GPUs are older than com
 search for garbage, which among what JAX holds takes a part of a second."""
 
 LAYERS = """Where T1TL's compiling goes is in the next table; no step is most of it. Of the matrix products most are of
-the task's Transformer, whose four layers are written out. Two trials, of which no figures are stored, were no way out:
-layers in a loop, which on a CPU compile and run slower, and on an H200 compiled a little sooner and trained slower; and
-fewer candidates for each product, which saved little and made training slower. What T2TL compiles beyond that was not
-taken apart; it has a second Transformer, and its programs are larger by that."""
+the task's Transformer, whose four layers are written out. What T2TL compiles beyond that was not taken apart; it has a
+second Transformer, and its programs are larger by that."""
 
 
 def aims(results: Path) -> str:
