@@ -77,14 +77,19 @@ def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[...,
 
 
 def _with_batches_behind(run: Callable[..., list[jax.Array]], depth: int = 0) -> Callable[..., list[jax.Array]]:
-    """`run` for `depth` axes behind, to which every `vmap` adds one.
+    """`run` for `depth` axes behind, to which every `vmap` over more than one adds one.
 
-    The last axis of an array lies together in memory; a batch there is long, and the entries before it are few.
+    The last axis of an array lies together in memory; a batch there is long, and the entries before it are few. With an
+    axis of length 1 between them, as of the only seed of a training, XLA puts the entries last.
     """
     function = jax.custom_batching.custom_vmap(run)
 
     @function.def_vmap
     def rule(size: int, batched: Sequence[bool], *leaves: jax.Array) -> tuple[list[jax.Array], list[bool]]:
+        if size == 1:
+            only = [x[0] if is_batched else x for x, is_batched in zip(leaves, batched, strict=True)]
+            results = _with_batches_behind(run, depth)(*only)
+            return [x[jnp.newaxis] for x in results], [True] * len(results)
         moved = [
             jnp.moveaxis(x if is_batched else jnp.broadcast_to(x, (size, *x.shape)), 0, -1 - depth)
             for x, is_batched in zip(leaves, batched, strict=True)

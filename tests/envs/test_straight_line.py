@@ -55,6 +55,25 @@ def test_numbers_are_those_of_the_function_batched_or_not(function):
     compare(lambda f: f, m[0, 0], v[0, 0])
     compare(lambda f: jax.vmap(jax.vmap(f)), m, v)
     compare(lambda f: jax.vmap(jax.vmap(f, in_axes=(0, None))), m, v[:, 0])
+    compare(lambda f: jax.vmap(jax.vmap(f), in_axes=(0, None)), m[:1], v[0])
+
+
+def row_shapes(batch):
+    """Shapes of the arrays of forty-eight entries that a batch of `rows` makes."""
+    same = straight_line(rows, MATRIX, VECTOR)
+    for _ in batch:
+        same = jax.vmap(same)
+    traced = jax.make_jaxpr(same)(jnp.ones((*batch, 3, 3)), jnp.ones((*batch, 3)))
+    called = [x.params["call"].jaxpr for x in traced.eqns if x.primitive.name == "custom_vmap_call"]
+    inside = [x.aval.shape for jaxpr in (traced.jaxpr, *called) for equation in jaxpr.eqns for x in equation.outvars]
+    return {shape for shape in inside if LONG in shape[:1]}
+
+
+def test_a_batch_of_one_is_no_axis():
+    """As that of a training's only seed. Between entries and environments it makes XLA lay the entries of one
+    environment side by side in a GPU's memory, and physics takes up to one and a half times as long."""
+    assert row_shapes((2, 5)) == {(LONG, 1, 1), (LONG, 2, 5)}
+    assert row_shapes((1, 5)) == row_shapes((5, 1)) == row_shapes((5,)) == {(LONG, 1), (LONG, 5)}
 
 
 def test_what_is_known_or_the_same_is_not_computed_again():
