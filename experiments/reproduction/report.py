@@ -36,6 +36,7 @@ from experiments.reproduction.items import PAPER_ITEMS
 from experiments.reproduction.kept_agents import kept_agents
 from experiments.reproduction.measures import frames_before, frames_to
 from experiments.reproduction.method_table import method_table
+from experiments.reproduction.only_seed import only_seed
 from experiments.reproduction.page import page, paragraph
 from experiments.reproduction.parts import filled
 from experiments.reproduction.pictures import Picture, pictures
@@ -131,6 +132,7 @@ def documentation(root: Path) -> Documentation:
             "graphs": graphs(results),
             "scaling": scaling(results),
             "halved": halved(results),
+            "only-seed": only_seed(results),
             "compiling": compiling(results),
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),

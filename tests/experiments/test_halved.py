@@ -1,4 +1,4 @@
-"""Why one seed is not twice as fast on two GPUs, and where compiling goes, by stored measurements."""
+"""Why one seed is not twice as fast on two GPUs, its axis, and where compiling goes, by stored measurements."""
 
 import json
 
@@ -6,6 +6,7 @@ import pytest
 
 from experiments.reproduction.compiling import compiling
 from experiments.reproduction.halved import FILE, halved
+from experiments.reproduction.only_seed import only_seed
 
 WHERE = {"git_revision": "a" * 40, "devices": ["GPU"], "packages": {"jax": "1"}, "time": "2026-01-01"}
 
@@ -48,3 +49,13 @@ def test_steps_of_compiling_follow_each_other(tmp_path):
     stored = {"where": WHERE, "training": "x", "seeds": 2, "seconds": 10.0, "without_profiler": 9.0, "note": "Alone."}
     (tmp_path / "trial_compiling.json").write_text(json.dumps(stored | {"steps": [["a", 0.0, 4.0], ["b", 4.0, 10.0]]}))
     assert "| b | 4.0 s | 6.0 s | 60% |" in compiling(tmp_path)
+
+
+def test_a_batch_is_compared_with_and_without_an_axis_of_seeds(tmp_path):
+    assert only_seed(tmp_path) == "Not measured yet."
+    rows = [{"seeds": seeds, "num_envs": 1000, "milliseconds": 4.0, "kernels": 5} for seeds in (0, 1, 2)]
+    made = {"jax": "1", "what": "a step", "device": "GPU", "environments": 1000, "forms": []}
+    stored = {"where": WHERE, "note": "Alone.", "rows": rows, "compiled": made}
+    (tmp_path / "trial_only_seed.json").write_text(json.dumps(stored))
+    for row in ("| 1,000 | 1,000 | 4.00 ms | 4000 ns |", "| 1 x 1,000 | 1,000 |", "| 2 x 1,000 | 2,000 | 4.00 ms | 2000"):
+        assert row in only_seed(tmp_path)
