@@ -315,9 +315,8 @@ def test_which_checkpoints_give_way(broken, gone):
 @pytest.mark.slow
 def test_the_guard_costs_two_passes_over_the_state_and_changes_no_number():
     """PPO in ZoneEnv. A gradient step goes over parameters and moments, too, and an iteration has dozens or hundreds of
-    them, which the compiler's count knows as one. The state is set apart by kernels that can be joined, not by a copy
-    of each array. One robot whose physics fails freezes the seed, though every number that the learner sees is
-    finite."""
+    them, which the compiler's count knows as one. The state is set apart by kernels, not by copies. One robot whose
+    physics fails freezes the seed, though every number that the learner sees is finite."""
     zones = ZoneEnv(ZoneConfig(physics="closed_form"))
     env = TaskEnv(zones, compile_tasks("F Red", zones.propositions, zones.alphabet))
     plain = begun_quickly(make_ppo(env, replace(PPO, network=ONE_HOT), 30, 60))
