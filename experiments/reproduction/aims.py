@@ -86,9 +86,9 @@ that began beside others on a GPU compiled for longer; their seconds are on the 
 start is a whole process that trains for one iteration, without pre-training (`python -m
 experiments.benchmarks.starts`). A second one finds compiled programs on disk, which JAX keeps, and those that were
 traced, which this project keeps beside them ([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is loading
-Python's modules, finding the GPU, and reading programs; but the starts on an H200 without `kept` in their name, and
-those of `starts_h100` and `starts_h100_shared`, were measured when only the iteration was kept, and how a run begins
-was traced anew. The aim was set when JAX's compiled programs were all that was there.
+Python's modules, finding the GPU, and reading programs; but `starts_h200`, `starts_h200_other_host`,
+`starts_h200_two_gpu_host`, `starts_h100` and `starts_h100_shared` were measured when only the iteration was kept, and
+how a run begins was traced anew. The aim was set when JAX's compiled programs were all that was there.
 Starts with kept traces decide where there are some; all that are stored are in the second table. On GPUs, those with
 and without are of different hosts and commits. Of those on GPUs only `starts_h200_ends` has commands that end without
 Python's last search for garbage, which among what JAX holds takes a part of a second."""

@@ -19,7 +19,7 @@ AFTER = (
     "benchmark_h200_two_graphs.json",
     "benchmark_h200_dqn.json",
 )
-"""Benchmarks with graphs; those without are from before the first of these."""
+"""The first benchmarks with graphs."""
 
 
 def graphs(results: Path) -> str:
@@ -28,7 +28,7 @@ def graphs(results: Path) -> str:
 
 
 def _benchmarks(results: Path) -> str:
-    """Rates with graphs beside the newest ones before graphs, on as many devices of the same kind."""
+    """Each of the first rates with graphs beside the newest one before, on as many devices of the same kind."""
     before: dict[tuple[Any, ...], tuple[measured.Row, str]] = {}
     rows, versions = [], []
     files = {name: measured.read(results / name) for name in AFTER if (results / name).is_file()}

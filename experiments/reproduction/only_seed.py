@@ -1,7 +1,10 @@
 """What an axis for the only seed cost MJX's substep on a GPU, before it was left out."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from experiments.reproduction import halved
 from experiments.reproduction.page import origin, paragraph, table
 from t2tl_jax.runs.folder import read_json
 
@@ -10,7 +13,7 @@ FILE = "trial_only_seed.json"
 
 
 def only_seed(results: Path) -> str:
-    """A step of each shape; a sentence where none is stored."""
+    """A step of each shape, what is compiled for it, and what a training may gain; a sentence where none is stored."""
     if not (results / FILE).is_file():
         return "Not measured yet."
     stored = read_json(results / FILE)
@@ -19,14 +22,38 @@ def only_seed(results: Path) -> str:
         seeds, num_envs, took = one["seeds"], one["num_envs"], one["milliseconds"]
         together = (seeds or 1) * num_envs
         shape = f"{seeds} x {num_envs:,}" if seeds else f"{num_envs:,}"
-        rows.append((shape, f"{together:,}", f"{took:.2f} ms", f"{1e6 * took / together:.0f} ns", str(one["kernels"])))
-    heading = ("seeds x environments", "environments", "a step", "a step and environment", "kernels")
-    said = paragraph(f"Random play, nothing learned. {stored['note']}")
-    made = stored["compiled"]
-    compiled = table(
-        ("shape", "kernels", "arrays with the rows last"),
-        [(form["shape"], str(form["kernels"]), str(form["rows_last"])) for form in made["forms"]],
+        rows.append((shape, f"{together:,}", f"{took:.2f} ms", f"{1e6 * took / together:.0f} ns"))
+    parts = (
+        paragraph(f"Random play, nothing learned. {stored['note']}"),
+        table(("seeds x environments", "environments", "a step", "a step and environment"), rows),
+        origin([stored["where"]]),
+        paragraph(_gain(stored["rows"], results)),
+        *_compiled(stored["compiled"]),
     )
-    what = paragraph(f"""What JAX {made["jax"]}'s compiler makes of {made["what"]}, for {made["environments"]:,}
-        environments a seed and an {made["device"]}, on a machine without one:""")
-    return "\n\n".join([said, table(heading, rows), origin([stored["where"]]), what, compiled])
+    return "\n\n".join(parts)
+
+
+def _gain(rows: Sequence[Mapping[str, Any]], results: Path) -> str:
+    """How many times as long a step takes with the axis, and what that would mean to the training that was halved."""
+    took = {(one["seeds"], one["num_envs"]): one["milliseconds"] for one in rows}
+    pairs = {num_envs: (took[1, num_envs], one) for (seeds, num_envs), one in took.items() if not seeds}
+    said = [f"{with_it / without:.2f} times as long with {n:,} environments" for n, (with_it, without) in pairs.items()]
+    text = f"With the axis of the only seed a step took {' and '.join(said)}."
+    if not (results / halved.FILE).is_file():
+        return text
+    gains = []
+    for what, of in read_json(results / halved.FILE)["profiles"].items():
+        num_envs = int(what.split(":")[-1])
+        saved = (pairs[num_envs][0] - pairs[num_envs][1]) / 1e3 * of["frames"] / num_envs
+        gains.append(f"`{what}` {of['seconds'] / (of['seconds'] - saved):.2f} times as fast")
+    return f"""{text} If a training saves as much in each step, that makes an iteration of {" and of ".join(gains)} as
+        it was when it was [profiled](#several-gpus), on one GPU."""
+
+
+def _compiled(made: Mapping[str, Any]) -> tuple[str, str]:
+    said = f"""What the compiler of JAX {made["jax"]} makes of {made["what"]}, for {made["environments"]:,} environments
+        on each {made["device"]}, asked on a machine without one, by a script that is not kept. *Kernels* are the fused
+        operations of the compiled program; arrays *with the rows last* have the forty-eight rows of a robot side by
+        side in memory."""
+    rows = [(form["shape"], str(form["kernels"]), str(form["rows_last"])) for form in made["forms"]]
+    return paragraph(said), table(("shape", "kernels", "arrays with the rows last"), rows)

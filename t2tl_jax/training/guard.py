@@ -125,9 +125,9 @@ def _apart(state: Any, env_params: TaskParams, replay: str) -> Any:
     """The same numbers in memory of their own, but for the replay and keys of random numbers.
 
     The loops of an iteration work in the memory of the state that they are given, so what a frozen seed goes back to
-    has to lie elsewhere. XLA would copy it array by array, and on a GPU, between loops that are CUDA graphs, hundreds
-    of small copies cost. A choice whose outcome it cannot know, no fault being negative, makes each of them a kernel
-    like others, which costs a fraction of that.
+    has to lie elsewhere. XLA would copy it array by array, and with loops as CUDA graphs hundreds of small copies cost.
+    A choice whose outcome it cannot know, no fault being negative, makes each of them a kernel like others, which was
+    measured to cost a fraction of that.
     """
     fault = getattr(env_params, "fault", ())
     if isinstance(fault, tuple):  # a caller who keeps none, as tests do

@@ -8,6 +8,7 @@ import pytest
 from envs.straight_line import program, straight_line
 from envs.zones import point_mjx
 from envs.zones.point_mjx import MjxPoint
+from tests.four_devices import run_on_four_devices
 from tests.operations import operations
 
 MATRIX, VECTOR = jax.ShapeDtypeStruct((3, 3), jnp.float32), jax.ShapeDtypeStruct((3,), jnp.float32)
@@ -59,8 +60,8 @@ def test_numbers_are_those_of_the_function_batched_or_not(function):
 
 
 def row_shapes(batch):
-    """Shapes of the arrays of forty-eight entries that a batch of `rows` makes."""
-    same = straight_line(rows, MATRIX, VECTOR)
+    """Shapes of the arrays of forty-eight entries that a batch of `rows` makes, for a result without any."""
+    same = straight_line(lambda m, v: rows(m, v)[0], MATRIX, VECTOR)
     for _ in batch:
         same = jax.vmap(same)
     traced = jax.make_jaxpr(same)(jnp.ones((*batch, 3, 3)), jnp.ones((*batch, 3)))
@@ -71,9 +72,39 @@ def row_shapes(batch):
 
 def test_a_batch_of_one_is_no_axis():
     """As that of a training's only seed. Between entries and environments it makes XLA lay the entries of one
-    environment side by side in a GPU's memory, and physics takes up to one and a half times as long."""
+    environment side by side in a GPU's memory, and physics takes up to 1.6 times as long."""
     assert row_shapes((2, 5)) == {(LONG, 1, 1), (LONG, 2, 5)}
     assert row_shapes((1, 5)) == row_shapes((5, 1)) == row_shapes((5,)) == {(LONG, 1), (LONG, 5)}
+
+
+ONE_EACH = """
+import jax, jax.numpy as jnp, numpy as np
+from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
+from envs.straight_line import straight_line
+from tests.envs.test_straight_line import LONG, MATRIX, VECTOR, row_shapes, rows
+
+assert row_shapes((4, 5)) == {(LONG, 1, 1), (LONG, 4, 5)}
+expected = jax.vmap(jax.vmap(rows))
+same = jax.vmap(jax.vmap(straight_line(rows, MATRIX, VECTOR)))
+rng = np.random.default_rng(0)
+given = [jnp.asarray(rng.normal(size=(4, 5, *x.shape)), jnp.float32) for x in (MATRIX, VECTOR)]
+for shape, joined in (((4, 1), True), ((2, 2), False)):
+    mesh = Mesh(np.array(jax.devices()).reshape(shape), ("seeds", "envs"), axis_types=(AxisType.Auto,) * 2)
+    spread = NamedSharding(mesh, PartitionSpec("seeds"))
+    with jax.set_mesh(mesh):
+        assert row_shapes((4, 5)) == ({(LONG, 1), (LONG, 20)} if joined else {(LONG, 1, 1), (LONG, 4, 5)})
+        program = jax.jit(same, in_shardings=spread, out_shardings=spread).lower(*given).compile()
+    text = program.as_text()
+    assert not any(word in text for word in ("all-gather", "all-reduce", "all-to-all", "collective-permute")), shape
+    for one, other in zip(program(*jax.device_put(given, spread)), jax.jit(expected)(*given), strict=True):
+        np.testing.assert_allclose(one, other, rtol=2e-5, atol=2e-5)
+"""
+
+
+@pytest.mark.slow
+def test_neither_is_a_batch_of_which_every_device_has_one():
+    """As seeds over as many devices: each sees an axis of length 1. Devices tell each other nothing."""
+    run_on_four_devices(ONE_EACH)
 
 
 def test_what_is_known_or_the_same_is_not_computed_again():

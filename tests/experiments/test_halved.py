@@ -11,14 +11,14 @@ from experiments.reproduction.only_seed import only_seed
 WHERE = {"git_revision": "a" * 40, "devices": ["GPU"], "packages": {"jax": "1"}, "time": "2026-01-01"}
 
 
-def profile(seconds, physics):
+def profile(seconds, physics, frames):
     parts = {"physics": {"share": physics}, "clipping": {"share": 1 - physics - 0.001}, "resets": {"share": 0.001}}
-    return {"seconds": seconds, "parts": parts}
+    return {"seconds": seconds, "parts": parts, "frames": frames}
 
 
 @pytest.fixture
 def stored(tmp_path):
-    of = {"x:mjx:8": profile(0.5, 0.8), "x:mjx:4": profile(0.3, 0.5)}
+    of = {"x:mjx:8": profile(0.5, 0.8, 400), "x:mjx:4": profile(0.3, 0.5, 200)}
     (tmp_path / FILE).write_text(json.dumps({"where": WHERE, "profiles": of, "note": "Alone."}))
     return tmp_path
 
@@ -51,12 +51,16 @@ def test_steps_of_compiling_follow_each_other(tmp_path):
     assert "| b | 4.0 s | 6.0 s | 60% |" in compiling(tmp_path)
 
 
-def test_a_batch_is_compared_with_and_without_an_axis_of_seeds(tmp_path):
-    assert only_seed(tmp_path) == "Not measured yet."
-    rows = [{"seeds": seeds, "num_envs": 1000, "milliseconds": 4.0, "kernels": 5} for seeds in (0, 1, 2)]
-    made = {"jax": "1", "what": "a step", "device": "GPU", "environments": 1000, "forms": []}
-    stored = {"where": WHERE, "note": "Alone.", "rows": rows, "compiled": made}
-    (tmp_path / "trial_only_seed.json").write_text(json.dumps(stored))
-    said = only_seed(tmp_path)
-    assert "| 1,000 | 1,000 | 4.00 ms | 4000 ns | 5 |" in said and "| 1 x 1,000 | 1,000 | 4.00 ms |" in said
-    assert "| 2 x 1,000 | 2,000 | 4.00 ms | 2000 ns | 5 |" in said
+def test_a_batch_is_compared_with_and_without_an_axis_of_seeds(stored):
+    assert only_seed(stored) == "Not measured yet."
+    took = {(0, 4): 4.0, (1, 4): 6.0, (2, 4): 5.0, (0, 8): 5.0, (1, 8): 6.0}
+    rows = [{"seeds": s, "num_envs": n, "milliseconds": ms} for (s, n), ms in took.items()]
+    made = {"jax": "1", "what": "a step", "device": "GPU", "environments": 4}
+    forms = [{"shape": "one seed", "kernels": 3, "rows_last": 2}]
+    trial = {"where": WHERE, "note": "Alone.", "rows": rows, "compiled": made | {"forms": forms}}
+    (stored / "trial_only_seed.json").write_text(json.dumps(trial))
+    said = " ".join(only_seed(stored).split())
+    assert "| 2 x 4 | 8 | 5.00 ms | 625000 ns |" in said and "| one seed | 3 | 2 |" in said
+    assert "1.50 times as long with 4 environments and 1.20 times as long with 8 environments" in said
+    # 50 steps of 0.3 s and 0.5 s, of which each would be 2 ms and 1 ms shorter
+    assert "`x:mjx:8` 1.11 times as fast and of `x:mjx:4` 1.50 times as fast" in said
