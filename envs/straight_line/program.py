@@ -87,38 +87,34 @@ def _with_batches_behind(run: Callable[..., list[jax.Array]], depth: int = 0) ->
 
     @function.def_vmap
     def rule(size: int, batched: Sequence[bool], *leaves: jax.Array) -> tuple[list[jax.Array], list[bool]]:
-        joined = size == 1 or (depth > 0 and _one_on_each_device(size))
-
-        def behind(x: jax.Array, is_batched: bool) -> jax.Array:
-            x = jnp.moveaxis(x if is_batched else jnp.broadcast_to(x, (size, *x.shape)), 0, -1 - depth)
-            return _join(x, depth) if joined else x
-
-        def in_front(x: jax.Array) -> jax.Array:
-            return jnp.moveaxis(_split(x, size, depth) if joined else x, -1 - depth, 0)
-
-        moved = map(behind, leaves, batched)
-        results = _with_batches_behind(run, depth + (not joined))(*moved)
-        return [in_front(x) for x in results], [True] * len(results)
+        if size == 1:
+            only = [jnp.squeeze(x, 0) if is_batched else x for x, is_batched in zip(leaves, batched, strict=True)]
+            results = _with_batches_behind(run, depth)(*only)
+            return [jnp.expand_dims(x, 0) for x in results], [True] * len(results)
+        moved = [
+            jnp.moveaxis(x if is_batched else jnp.broadcast_to(x, (size, *x.shape)), 0, -1 - depth)
+            for x, is_batched in zip(leaves, batched, strict=True)
+        ]
+        if depth and _may_be_one_on_each_device(size):
+            joined = [jax.lax.collapse(x, x.ndim - 1 - depth, x.ndim + 1 - depth) for x in moved]
+            results = [_split(x, size, x.ndim - depth) for x in _with_batches_behind(run, depth)(*joined)]
+        else:
+            results = _with_batches_behind(run, depth + 1)(*moved)
+        return [jnp.moveaxis(x, -1 - depth, 0) for x in results], [True] * len(results)
 
     return function
 
 
-def _one_on_each_device(size: int) -> bool:
-    """Whether a batch of that size is spread over all devices that a program is traced for, one by one."""
+def _may_be_one_on_each_device(size: int) -> bool:
+    """Whether a batch is as long as the only axis of devices that a program is traced for, as seeds are of which every
+    device has one. Where it is spread otherwise, joining it changes no number."""
     mesh = jax.sharding.get_abstract_mesh()
     return not mesh.empty and size == mesh.size and size in mesh.axis_sizes
 
 
-def _join(x: jax.Array, depth: int) -> jax.Array:
-    """The axis before the `depth` last ones, and the one after it, as one; an axis of length 1 is dropped."""
-    before, (size, *behind) = x.shape[: x.ndim - depth - 1], x.shape[x.ndim - depth - 1 :]
-    return x.reshape(*before, *([size * behind[0], *behind[1:]] if behind else []))
-
-
-def _split(x: jax.Array, size: int, depth: int) -> jax.Array:
-    """What `_join` joined: of length `size` and the rest."""
-    before, behind = x.shape[: x.ndim - depth], x.shape[x.ndim - depth :]
-    return x.reshape(*before, size, *([behind[0] // size, *behind[1:]] if behind else []))
+def _split(x: jax.Array, size: int, axis: int) -> jax.Array:
+    """An axis as two, the first of that size."""
+    return x.reshape(*x.shape[:axis], size, -1, *x.shape[axis + 1 :])
 
 
 def _given(numbers: Numbers, aval: Any) -> Array:

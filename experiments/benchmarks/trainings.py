@@ -30,7 +30,7 @@ def training(text: str) -> Any:
     if physics:
         if not hasattr(config.env, "physics"):
             raise UserError(f"{text}: {type(config.env).__name__} has no choice of physics")
-        config = replace(config, env=replace(config.env, physics=physics))  # type: ignore[call-arg]
+        config = replace(config, env=replace(config.env, physics=physics))
     if num_envs:
         config = replace(config, learner=with_num_envs(config.learner, num_envs, text))
     return config

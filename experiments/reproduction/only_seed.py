@@ -44,6 +44,8 @@ def _gain(rows: Sequence[Mapping[str, Any]], results: Path) -> str:
     gains = []
     for what, of in read_json(results / halved.FILE)["profiles"].items():
         num_envs = int(what.split(":")[-1])
+        if num_envs not in pairs:
+            return text
         saved = (pairs[num_envs][0] - pairs[num_envs][1]) / 1e3 * of["frames"] / num_envs
         gains.append(f"`{what}` {of['seconds'] / (of['seconds'] - saved):.2f} times as fast")
     return f"""{text} If a training saves as much in each step, that makes an iteration of {" and of ".join(gains)} as
@@ -52,7 +54,7 @@ def _gain(rows: Sequence[Mapping[str, Any]], results: Path) -> str:
 
 def _compiled(made: Mapping[str, Any]) -> tuple[str, str]:
     said = f"""What the compiler of JAX {made["jax"]} makes of {made["what"]}, for {made["environments"]:,} environments
-        on each {made["device"]}, asked on a machine without one, by a script that is not kept. *Kernels* are the fused
+        on each {made["device"]}, asked on a machine without one. *Kernels* are the fused
         operations of the compiled program; arrays *with the rows last* have the forty-eight rows of a robot side by
         side in memory."""
     rows = [(form["shape"], str(form["kernels"]), str(form["rows_last"])) for form in made["forms"]]

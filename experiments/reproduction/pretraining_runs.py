@@ -17,7 +17,7 @@ def pretraining_run(
     encoder, new = config.learner.task_encoder, runs if new is None else new
     if encoder is None or not encoder.learned:
         return None
-    reader = {TransformerConfig: "transformer", RGCNConfig: "gnn"}[type(encoder)]  # type: ignore[index]
+    reader = {TransformerConfig: "transformer", RGCNConfig: "gnn"}[type(encoder)]
     name = f"{world}-pretraining-{reader}" + ("" if kind == "own" else f"-{kind}")
     if name not in runs and name not in new:
         wanted = replace(config, pretrained="auto:own" if kind == "own" else "auto")

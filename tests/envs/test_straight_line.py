@@ -72,7 +72,7 @@ def row_shapes(batch):
 
 def test_a_batch_of_one_is_no_axis():
     """As that of a training's only seed. Between entries and environments it makes XLA lay the entries of one
-    environment side by side in a GPU's memory, and physics takes up to 1.6 times as long."""
+    environment side by side in a GPU's memory, where a step of random play took up to 1.6 times as long."""
     assert row_shapes((2, 5)) == {(LONG, 1, 1), (LONG, 2, 5)}
     assert row_shapes((1, 5)) == row_shapes((5, 1)) == row_shapes((5,)) == {(LONG, 1), (LONG, 5)}
 
