@@ -20,11 +20,22 @@ class Number:
     Given ones have no name.
     """
 
-    __slots__ = ("apply", "dtype", "name", "of", "size")
+    __slots__ = ("along", "apply", "dtype", "name", "of", "size")
 
-    def __init__(self, name: str, apply: Callable[..., Any], of: tuple[Any, ...], dtype: Any, size: int = 0) -> None:
-        """`apply` makes it of what `of` stands for; `size` is that of a row, and 0 for a single number."""
+    def __init__(
+        self,
+        name: str,
+        apply: Callable[..., Any],
+        of: tuple[Any, ...],
+        dtype: Any,
+        size: int = 0,
+        *,
+        along: bool = False,
+    ) -> None:
+        """`apply` makes it of what `of` stands for; `size` is that of a row, and 0 for a single number. An operation
+        `along` a row makes one or takes it apart, and is told its `axis`."""
         self.name, self.apply, self.of, self.dtype, self.size = name, apply, of, np.dtype(dtype), size
+        self.along = along
 
 
 class InRow:
@@ -116,7 +127,7 @@ class Numbers:
     def reduced(self, name: str, x: Operand, size: int) -> Operand:
         """The entries of a row of that size combined, or a single number with itself so many times."""
         if isinstance(x, Number) and x.size:
-            return self._once((name, "row", id(x)), name, partial(REDUCTIONS[name], axis=0), (x,), x.dtype, 0)
+            return self._once((name, "row", id(x)), name, REDUCTIONS[name], (x,), x.dtype, along=True)
         whole = [x] * size if isinstance(x, Number) else list(np.broadcast_to(x, size))
         return functools.reduce(partial(self.call, name), whole)
 
@@ -124,8 +135,8 @@ class Numbers:
         """An entry by itself."""
         if not isinstance(x, InRow):
             return x
-        index = x.index
-        return self._once(("entry", index, id(x.row)), "entry", lambda row: row[index], (x.row,), x.dtype, 0)
+        take = partial(jax.lax.index_in_dim, index=x.index, keepdims=False)
+        return self._once(("entry", x.index, id(x.row)), "entry", take, (x.row,), x.dtype, along=True)
 
     def row(self, entries: Sequence[Entry]) -> Operand:
         """Entries side by side; a single number if they are all the same."""
@@ -140,7 +151,7 @@ class Numbers:
         keys = [_key(x) for x in of]
         if len(set(keys)) == 1:
             return of[0]
-        return self._once(("row", *keys), "row", lambda *x: jnp.stack(x), of, first.dtype, len(of))
+        return self._once(("row", *keys), "row", _stacked, of, first.dtype, len(of), along=True)
 
     def entries(self, x: Operand, size: int) -> list[Entry]:
         """What stands in a row of that size, or a single number so many times."""
@@ -149,10 +160,18 @@ class Numbers:
         return list(np.broadcast_to(x, size))
 
     def _once(
-        self, key: tuple[Any, ...], name: str, apply: Callable[..., Any], of: tuple[Any, ...], dtype: Any, size: int
+        self,
+        key: tuple[Any, ...],
+        name: str,
+        apply: Callable[..., Any],
+        of: tuple[Any, ...],
+        dtype: Any,
+        size: int = 0,
+        *,
+        along: bool = False,
     ) -> Number:
         if key not in self._by_key:
-            self._by_key[key] = self._add(Number(name, apply, of, dtype, size))
+            self._by_key[key] = self._add(Number(name, apply, of, dtype, size, along=along))
         return self._by_key[key]
 
     def _add(self, number: Number) -> Number:
@@ -212,6 +231,10 @@ class Numbers:
                 if len({_key(x) for x in of[1:]}) == 1:
                     return other
         return None
+
+
+def _stacked(*entries: jax.Array, axis: int) -> jax.Array:
+    return jnp.stack(entries, axis)
 
 
 def _is(x: Operand | None, value: float) -> bool:

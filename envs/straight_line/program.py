@@ -1,5 +1,6 @@
 """From a function of JAX to straight-line arithmetic, and back to a function of JAX."""
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import accumulate
@@ -22,6 +23,11 @@ SCATTERS = {"scatter": None, "scatter-add": "add", "scatter-mul": "mul"}
 
 FOLDS = {"reduce_sum": "add", "reduce_max": "max", "reduce_min": "min", "reduce_and": "and", "reduce_or": "or"}
 """Operations along axes, and what combines two numbers."""
+
+
+ROWS_LAST_UP_TO = {"cpu": math.inf, "gpu": 4096}
+"""The longest batch of a device for which the entries of a row lie together in memory, instead of one number of the
+whole batch. A kernel that combines rows then has more to do at once; a longer batch fills a GPU as well without."""
 
 
 def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[..., Any]:
@@ -47,27 +53,34 @@ def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[...,
     steps = _needed(numbers.made, results)
     dtypes, tree = [x.dtype for x in jax.tree.leaves(shape)], jax.tree.structure(shape)
 
-    def run(*leaves: jax.Array) -> list[jax.Array]:
-        """Arrays with any number of axes more behind their own, over which everything is done at once."""
+    def run(axis: int, *leaves: jax.Array) -> list[jax.Array]:
+        """Arrays with any number of axes more behind their own, over which everything is done at once.
+
+        Rows have their entries along an axis before those (0), or behind them (-1).
+        """
         values: dict[int, Any] = {}
         for names, x in zip(given, leaves, strict=True):
             for at in np.ndindex(names.shape):
                 values[id(names[at])] = x[at]
         batch = next(x.shape[names.ndim :] for names, x in zip(given, leaves, strict=True))
+        along_batch = range(1, len(batch) + 1) if axis == 0 else range(len(batch))
 
-        def value(x: Operand, shape: tuple[int, ...]) -> jax.Array:
-            """In that shape; a single number is the same all along a row."""
-            found = values[id(x)] if isinstance(x, Number) else jnp.asarray(x).reshape(x.shape + (1,) * len(batch))
-            return jnp.broadcast_to(found, shape)
+        def value(x: Operand, size: int) -> jax.Array:
+            """As a row of that size, all along which a single number is the same; as a single number for 0."""
+            if not isinstance(x, Number):
+                found = jnp.expand_dims(jnp.asarray(x), along_batch) if size_of(x) else jnp.asarray(x)
+            else:
+                found = jnp.expand_dims(values[id(x)], axis) if size and not x.size else values[id(x)]
+            row = (size,) * (size > 0)
+            return jnp.broadcast_to(found, row + batch if axis == 0 else batch + row)
 
         for step in steps:
-            shapes = [(size_of(x),) * (size_of(x) > 0) + batch for x in step.of]
-            if step.size and step.name != "row":
-                shapes = [(step.size, *batch)] * len(step.of)
-            values[id(step)] = step.apply(*map(value, step.of, shapes))
+            sizes = map(size_of, step.of) if step.along else [step.size] * len(step.of)
+            operands = map(value, step.of, sizes)
+            values[id(step)] = step.apply(*operands, axis=axis) if step.along else step.apply(*operands)
         out = []
         for names, dtype in zip(results, dtypes, strict=True):
-            parts = [value(x, batch).astype(dtype) for x in names.flat]
+            parts = [value(x, 0).astype(dtype) for x in names.flat]
             whole = jnp.stack(parts) if parts else jnp.zeros((0, *batch), dtype)
             out.append(whole.reshape(*names.shape, *batch))
         return out
@@ -79,11 +92,15 @@ def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[...,
 def _with_batches_behind(run: Callable[..., list[jax.Array]], depth: int = 0) -> Callable[..., list[jax.Array]]:
     """`run` for `depth` axes behind, to which every `vmap` adds one.
 
-    The last axis of an array lies together in memory; a batch there is long, and the entries before it are few. With an
-    axis of length 1 between them, as of the only seed of a training, XLA puts the entries last on a GPU. So a batch of
-    one adds no axis, and neither does one of which every device has one: it is joined to the batch behind it.
+    The last axis of an array lies together in memory. Where that is the batch, an axis of length 1 before it, as of the
+    only seed of a training, makes XLA put the rows last on a GPU all the same. So a batch of one adds no axis, and
+    neither does one of which every device has one: it is joined to the batch behind it.
     """
-    function = jax.custom_batching.custom_vmap(run)
+
+    @jax.custom_batching.custom_vmap
+    def function(*leaves: jax.Array) -> list[jax.Array]:
+        batch = leaves[0].shape[leaves[0].ndim - depth :]
+        return run(-1 if _is_short(batch) else 0, *leaves)
 
     @function.def_vmap
     def rule(size: int, batched: Sequence[bool], *leaves: jax.Array) -> tuple[list[jax.Array], list[bool]]:
@@ -103,6 +120,13 @@ def _with_batches_behind(run: Callable[..., list[jax.Array]], depth: int = 0) ->
         return [jnp.moveaxis(x, -1 - depth, 0) for x in results], [True] * len(results)
 
     return function
+
+
+def _is_short(batch: Sequence[int]) -> bool:
+    """Whether what each device has of a batch is so little that rows are better last."""
+    mesh = jax.sharding.get_abstract_mesh()
+    on_each = math.prod(batch) // (1 if mesh.empty else mesh.size)
+    return on_each <= ROWS_LAST_UP_TO.get(jax.default_backend(), ROWS_LAST_UP_TO["gpu"])
 
 
 def _may_be_one_on_each_device(size: int) -> bool:

@@ -263,6 +263,23 @@ def graphs(text: str, seeds: int) -> tuple[Form, Form]:
     return before, _iteration(config)
 
 
+def rows_last(text: str, seeds: int) -> tuple[Form, Form]:
+    """An iteration whose physics has the rows of MJX's contacts before the batch, and one that has them as a run does:
+    behind it, unless a GPU has a long batch.
+
+    Args:
+        text: the training.
+        seeds: how many.
+    """
+    from envs.straight_line import program
+    from experiments.benchmarks.trainings import training
+
+    config = replace(training(text), seeds=str(seeds))
+    with patch.dict(program.ROWS_LAST_UP_TO, dict.fromkeys(program.ROWS_LAST_UP_TO, 0)):
+        before = _iteration(config)
+    return before, _iteration(config)
+
+
 def _iteration(config: Any) -> Form:
     import jax
 
@@ -293,6 +310,8 @@ STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "shared_tokens": partial(shared_tokens, 1),
     "token_parts": partial(token_parts, 1),
     "guard": partial(guard, "zone_ppo:t1tl:closed_form", 1),
+    "rows_t1tl": partial(rows_last, "zone_ppo:t1tl", 1),
+    "rows_t2tl": partial(rows_last, "zone_ppo:t2tl", 1),
 }
 """Both forms of each step, the slow one first."""
 
@@ -303,6 +322,8 @@ FOR_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "guard_mjx": partial(guard, "zone_ppo_long:t1tl", 12),
     "guard_t2tl": partial(guard, "zone_ppo_long:t2tl", 12),
     "guard_dqn": partial(guard, "waterworld_dqn:t1tl", 12),
+    "rows_long": partial(rows_last, "zone_ppo_long:t1tl", 1),
+    "rows_12": partial(rows_last, "zone_ppo:t1tl", 12),
 }
 """Likewise, of a size that takes long without a GPU; these are done only where they are named."""
 

@@ -1,5 +1,7 @@
 """Straight-line arithmetic: the numbers of the function it was made of, by fewer operations, or a refusal."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -42,8 +44,15 @@ def rows(m, v):
     return (jacobian.T * active) @ jacobian, long[7], jnp.square(long).max(), jnp.where(active, long, 1.0)
 
 
+@pytest.fixture(params=[0, math.inf], ids=["rows-first", "rows-last"])
+def layout(request, monkeypatch):
+    """Both, whatever the device and the batch."""
+    monkeypatch.setitem(program.ROWS_LAST_UP_TO, jax.default_backend(), request.param)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("function", [moved, factored, chosen, rows], ids=lambda function: function.__name__)
+@pytest.mark.usefixtures("layout")
 def test_numbers_are_those_of_the_function_batched_or_not(function):
     same, rng = straight_line(function, MATRIX, VECTOR), np.random.default_rng(0)
     m, v = (jnp.asarray(rng.normal(size=(4, 2, *x.shape)), jnp.float32) for x in (MATRIX, VECTOR))
@@ -67,12 +76,21 @@ def row_shapes(batch):
     traced = jax.make_jaxpr(same)(jnp.ones((*batch, 3, 3)), jnp.ones((*batch, 3)))
     called = [x.params["call"].jaxpr for x in traced.eqns if x.primitive.name == "custom_vmap_call"]
     inside = [x.aval.shape for jaxpr in (traced.jaxpr, *called) for equation in jaxpr.eqns for x in equation.outvars]
-    return {shape for shape in inside if LONG in shape[:1]}
+    return {shape for shape in inside if LONG in shape}
 
 
-def test_a_batch_of_one_is_no_axis():
+def test_rows_are_last_in_a_batch_that_is_short_for_its_device(monkeypatch):
+    last, first = {(1, 1, LONG), (2, 5, LONG)}, {(LONG, 1, 1), (LONG, 2, 5)}
+    assert row_shapes((2, 5)) == last
+    for longest, expected in ((10, last), (9, first)):
+        monkeypatch.setattr(program, "ROWS_LAST_UP_TO", {"gpu": longest})
+        assert row_shapes((2, 5)) == expected
+
+
+def test_a_batch_of_one_is_no_axis(monkeypatch):
     """As that of a training's only seed. Between entries and environments it makes XLA lay the entries of one
     environment side by side in a GPU's memory, where a step of random play took up to 1.6 times as long."""
+    monkeypatch.setattr(program, "ROWS_LAST_UP_TO", {"gpu": 0})
     assert row_shapes((2, 5)) == {(LONG, 1, 1), (LONG, 2, 5)}
     assert row_shapes((1, 5)) == row_shapes((5, 1)) == row_shapes((5,)) == {(LONG, 1), (LONG, 5)}
 
@@ -80,9 +98,10 @@ def test_a_batch_of_one_is_no_axis():
 ONE_EACH = """
 import jax, jax.numpy as jnp, numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
-from envs.straight_line import straight_line
+from envs.straight_line import program, straight_line
 from tests.envs.test_straight_line import LONG, MATRIX, VECTOR, row_shapes, rows
 
+program.ROWS_LAST_UP_TO = {"gpu": 4}
 assert row_shapes((4, 5)) == {(LONG, 1, 1), (LONG, 4, 5)}
 expected = jax.vmap(jax.vmap(rows))
 same = jax.vmap(jax.vmap(straight_line(rows, MATRIX, VECTOR)))
@@ -93,10 +112,13 @@ for shape, joined in (((4, 1), True), ((2, 2), False)):
     spread = NamedSharding(mesh, PartitionSpec("seeds"))
     with jax.set_mesh(mesh):
         assert row_shapes((4, 5)) == ({(LONG, 1), (LONG, 20)} if joined else {(LONG, 1, 1), (LONG, 4, 5)})
-        program = jax.jit(same, in_shardings=spread, out_shardings=spread).lower(*given).compile()
-    text = program.as_text()
+        compiled = jax.jit(same, in_shardings=spread, out_shardings=spread).lower(*given).compile()
+        program.ROWS_LAST_UP_TO = {"gpu": 5}  # environments of each device
+        assert row_shapes((4, 5)) == {(1, LONG), (20, LONG)} if joined else {(1, 1, LONG), (4, 5, LONG)}
+        program.ROWS_LAST_UP_TO = {"gpu": 4}
+    text = compiled.as_text()
     assert not any(word in text for word in ("all-gather", "all-reduce", "all-to-all", "collective-permute")), shape
-    for one, other in zip(program(*jax.device_put(given, spread)), jax.jit(expected)(*given), strict=True):
+    for one, other in zip(compiled(*jax.device_put(given, spread)), jax.jit(expected)(*given), strict=True):
         np.testing.assert_allclose(one, other, rtol=2e-5, atol=2e-5)
 """
 
@@ -151,6 +173,7 @@ def test_a_program_for_several_devices_holds_the_same_arithmetic():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("layout")
 def test_mujoco_in_a_straight_line_moves_the_robot_as_mjx_does():
     point, rng, count = MjxPoint(), np.random.default_rng(0), 512
     limits = np.array([2.45, 2.45, 4.0, 1.0, 1.0, 5.0, 1.0, 1.0])  # many of them in a wall
