@@ -8,7 +8,7 @@ from experiments.reproduction.profiles import SEEN, milliseconds
 from experiments.reproduction.scaling import pairs
 from t2tl_jax.runs.folder import read_json
 
-FILE = "profile_h200_large.json"
+FILE = "profile_h200_large_squeezed.json"
 """Of `experiments.benchmarks.profiles`: one seed with as many environments as two GPUs share, and with half of them."""
 
 

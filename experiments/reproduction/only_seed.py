@@ -5,11 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from experiments.reproduction import halved
-from experiments.reproduction.page import origin, paragraph, table
+from experiments.reproduction.page import commit, origin, paragraph, table
 from t2tl_jax.runs.folder import read_json
 
 FILE = "trial_only_seed.json"
 """Random play in ZoneEnv with MJX, by how a batch is shaped."""
+
+BEFORE = "profile_h200_large.json"
+"""Of `experiments.benchmarks.profiles`: trainings of the program that still had the axis."""
 
 
 def only_seed(results: Path) -> str:
@@ -34,22 +37,25 @@ def only_seed(results: Path) -> str:
 
 
 def _gain(rows: Sequence[Mapping[str, Any]], results: Path) -> str:
-    """How many times as long a step takes with the axis, and what that would mean to the training that was halved."""
+    """How many times as long a step takes with the axis, and what that was to mean to the trainings that were profiled
+    with it, and did."""
     took = {(one["seeds"], one["num_envs"]): one["milliseconds"] for one in rows}
     pairs = {num_envs: (took[1, num_envs], one) for (seeds, num_envs), one in took.items() if not seeds}
     said = [f"{with_it / without:.2f} times as long with {n:,} environments" for n, (with_it, without) in pairs.items()]
     text = f"With the axis of the only seed a step took {' and '.join(said)}."
-    if not (results / halved.FILE).is_file():
+    if not (results / BEFORE).is_file() or not (results / halved.FILE).is_file():
         return text
+    before, after = (read_json(results / name) for name in (BEFORE, halved.FILE))
     gains = []
-    for what, of in read_json(results / halved.FILE)["profiles"].items():
-        num_envs = int(what.split(":")[-1])
-        if num_envs not in pairs:
-            return text
-        saved = (pairs[num_envs][0] - pairs[num_envs][1]) / 1e3 * of["frames"] / num_envs
-        gains.append(f"`{what}` {of['seconds'] / (of['seconds'] - saved):.2f} times as fast")
-    return f"""{text} If a training saves as much in each step, that makes an iteration of {" and of ".join(gains)} as
-        it was when it was [profiled](#several-gpus), on one GPU."""
+    for what, of in before["profiles"].items():
+        with_it, without = pairs[int(what.split(":")[-1])]
+        saved = (with_it - without) / 1e3 * of["frames"] / int(what.split(":")[-1])
+        predicted = of["seconds"] / (of["seconds"] - saved)
+        measured = of["seconds"] / after["profiles"][what]["seconds"]
+        gains.append(f"{predicted:.2f} times as fast (`{what}`); measured is {measured:.2f}")
+    return f"""{text} If a training saved as much in each step, an iteration would be {", and ".join(gains)}. Measured
+        are whole iterations on one GPU at commits {commit(before["where"])} and {commit(after["where"])}, whose
+        parts are [above](#profiles), on two machines of the kind."""
 
 
 def _compiled(made: Mapping[str, Any]) -> tuple[str, str]:

@@ -41,6 +41,7 @@ from experiments.reproduction.page import page, paragraph
 from experiments.reproduction.parts import filled
 from experiments.reproduction.pictures import Picture, pictures
 from experiments.reproduction.runs import WATER_METHODS
+from experiments.reproduction.rows_last import rows_last
 from experiments.reproduction.scaling import scaling
 from experiments.reproduction.sections import safe_again
 from experiments.reproduction.sections.anyshort import in_short
@@ -133,6 +134,7 @@ def documentation(root: Path) -> Documentation:
             "scaling": scaling(results),
             "halved": halved(results),
             "only-seed": only_seed(results),
+            "rows-last": rows_last(results),
             "compiling": compiling(results),
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),

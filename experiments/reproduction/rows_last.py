@@ -1,0 +1,58 @@
+"""What it matters whether the rows of MJX's contacts lie before the batch in memory, or behind it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from envs.straight_line.program import ROWS_LAST_UP_TO
+from experiments.reproduction.page import origin, paragraph, table
+from t2tl_jax.runs.folder import read_json
+
+FILE = "trial_rows_last.json"
+"""Random play in ZoneEnv with MJX in both forms, by turns, on several machines."""
+
+HEADING = ("seeds x environments", "environments", "rows before", "rows behind", "ratio", "to compile")
+
+
+def rows_last(results: Path) -> str:
+    """A step in both forms by the batch, a table for each machine; a sentence where none is stored."""
+    if not (results / FILE).is_file():
+        return "Not measured yet."
+    stored = read_json(results / FILE)
+    parts = [paragraph(f"Random play, nothing learned. {stored['note']}")]
+    for machine in stored["machines"]:
+        where = machine["where"]
+        cores = f"On a host of {where['cpu_count']} cores, its processor alone." if where["backend"] == "cpu" else ""
+        parts += [*[cores] * bool(cores), table(HEADING, map(_row, machine["rows"])), origin([where])]
+    return "\n\n".join([*parts, paragraph(_as_chosen(stored["machines"]))])
+
+
+def _together(row: Mapping[str, Any]) -> int:
+    return max(row["seeds"], 1) * row["num_envs"]
+
+
+def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
+    seeds, each, before, behind = row["seeds"], row["num_envs"], row["before"], row["behind"]
+    return (
+        f"{seeds} x {each:,}" if seeds else f"{each:,}",
+        f"{_together(row):,}",
+        f"{before:.2f} ms",
+        f"{behind:.2f} ms",
+        f"{before / behind:.2f}",
+        f"{row['compile_before']:.1f} s, {row['compile_behind']:.1f} s",
+    )
+
+
+def _as_chosen(machines: Any) -> str:
+    """The rule that the program has, and whether it takes the faster form of everything that was measured."""
+    wrong = []
+    for machine in machines:
+        longest = ROWS_LAST_UP_TO[machine["where"]["backend"]]
+        for row in machine["rows"]:
+            if (row["before"] > row["behind"]) != (_together(row) <= longest):
+                wrong.append(f"{_together(row):,}")
+    text = f"""So rows lie behind a batch on a processor, and on a GPU behind one of up to {ROWS_LAST_UP_TO["gpu"]:,}
+        environments"""
+    if wrong:
+        return f"{text}, which is not the faster form of {', '.join(wrong)} environments."
+    return f"{text}, which is the faster form in every row above."
