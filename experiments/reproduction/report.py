@@ -40,8 +40,8 @@ from experiments.reproduction.only_seed import only_seed
 from experiments.reproduction.page import page, paragraph
 from experiments.reproduction.parts import filled
 from experiments.reproduction.pictures import Picture, pictures
-from experiments.reproduction.runs import WATER_METHODS
 from experiments.reproduction.rows_last import rows_last
+from experiments.reproduction.runs import WATER_METHODS
 from experiments.reproduction.scaling import scaling
 from experiments.reproduction.sections import safe_again
 from experiments.reproduction.sections.anyshort import in_short
