@@ -26,8 +26,8 @@ FOLDS = {"reduce_sum": "add", "reduce_max": "max", "reduce_min": "min", "reduce_
 
 
 ROWS_LAST_UP_TO = {"cpu": math.inf, "gpu": 4096}
-"""The longest batch of a device for which the entries of a row lie together in memory, instead of one number of the
-whole batch. A kernel that combines rows then has more to do at once; a longer batch fills a GPU as well without."""
+"""By kind of device the longest batch for which the entries of a row lie together in memory, instead of one number of
+the whole batch: as measured on an H200 and two processors, see docs/performance.md. Other kinds are taken for a GPU."""
 
 
 def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[..., Any]:
@@ -125,7 +125,7 @@ def _with_batches_behind(run: Callable[..., list[jax.Array]], depth: int = 0) ->
 def _is_short(batch: Sequence[int]) -> bool:
     """Whether what each device has of a batch is so little that rows are better last."""
     mesh = jax.sharding.get_abstract_mesh()
-    on_each = math.prod(batch) // (1 if mesh.empty else mesh.size)
+    on_each = math.ceil(math.prod(batch) / (1 if mesh.empty else mesh.size))
     return on_each <= ROWS_LAST_UP_TO.get(jax.default_backend(), ROWS_LAST_UP_TO["gpu"])
 
 

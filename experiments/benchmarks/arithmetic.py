@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from experiments.benchmarks import json_file
 from experiments.cli.errors import guarded
@@ -52,16 +53,16 @@ def _main(texts: list[str]) -> int:
     with quiet_imports():
         import jax
 
-        from envs.straight_line import straight_line
+        from envs.straight_line import program, straight_line
         from envs.zones.point_mjx import MjxPoint
     plain = MjxPoint().mujoco_substep
     number = jax.ShapeDtypeStruct((), jax.numpy.float32)
-    forms = {"MJX as it is": plain, "in a straight line": straight_line(plain, *[number] * 8)}
+    straight = straight_line(plain, *[number] * 8)
     with explained():
-        found = {
-            "substep": {name: substep(form, arguments) for name, form in forms.items()},
-            "gradient_step": gradient_steps(),
-        }
+        forms = {"MJX as it is": substep(plain, arguments), "in a straight line": substep(straight, arguments)}
+        with patch.dict(program.ROWS_LAST_UP_TO, dict.fromkeys(program.ROWS_LAST_UP_TO, 0)):
+            forms["the same, rows before the batch"] = substep(straight, arguments)
+        found = {"substep": forms, "gradient_step": gradient_steps()}
     for part, rows in found.items():
         for name, row in rows.items():
             print(f"{part}, {name}: {row}")

@@ -29,7 +29,7 @@ MOTION = 32
 PROFILE = "profile_h200.json"
 """Of `experiments.benchmarks.profiles`: how fast large products are there, with JAX's default precision."""
 
-MJX, STRAIGHT = "MJX as it is", "in a straight line"
+MJX, STRAIGHT, BEFORE = "MJX as it is", "in a straight line", "the same, rows before the batch"
 
 T1TL, T2TL = "T1TL", "T2TL, segments of 8 steps (the default)"
 
@@ -43,12 +43,12 @@ def substep(results: Path) -> str:
         return "Not measured yet."
     stored = read_json(results / FILE)
     of: Mapping[str, Mapping[str, float]] = stored["substep"]
-    plain, straight = of[MJX], of[STRAIGHT]
+    forms = plain, straight, before = of[MJX], of[STRAIGHT], of[BEFORE]
     rows = [
-        ("traced operations", *(f"{one['traced']:,}" for one in (plain, straight))),
         *(
-            (said, *(f"{one[name]:,}" for one in (plain, straight)))
+            (said, *(f"{one[name]:,}" for one in forms))
             for said, name in (
+                ("traced operations", "traced"),
                 ("gathers and slices at places that are computed", "gathers"),
                 ("scatters", "scatters"),
                 ("matrix products", "products"),
@@ -56,21 +56,23 @@ def substep(results: Path) -> str:
                 ("fused loops, compiled for a CPU", "fused_loops"),
             )
         ),
-        ("read and written by a robot", *(f"{one['kilobytes']:.0f} kB" for one in (plain, straight))),
-        ("processor time of a substep and robot", *(f"{one['microseconds']:.2f} us" for one in (plain, straight))),
-        ("processor time to compile it", *(f"{one['compile_s']:.1f} s" for one in (plain, straight))),
+        ("read and written by a robot", *(f"{one['kilobytes']:.0f} kB" for one in forms)),
+        ("processor time of a substep and robot", *(f"{one['microseconds']:.2f} us" for one in forms)),
+        ("processor time to compile it", *(f"{one['compile_s']:.1f} s" for one in forms)),
     ]
     settings = stored["settings"]
     said = paragraph(f"""
         Counts are the compiler's, of the form that is compiled for a CPU; times are medians of {settings["repeats"]}
         calls of {settings["substeps"]} substeps of {settings["num_envs"]:,} robots on the processor below, summed over
         its cores.""")
+    times = {name: plain["microseconds"] / one["microseconds"] for name, one in of.items()}
     gain = paragraph(f"""
-        By the traced operations the gain was to be {plain["traced"] / straight["traced"]:.1f} times, by the bytes
-        {plain["kilobytes"] / straight["kilobytes"]:.2f}; it is {plain["microseconds"] / straight["microseconds"]:.2f}
-        times on this processor. The compiler fuses both into {plain["fused_loops"]} and {straight["fused_loops"]}
-        loops, so fewer operations need not be fewer passes over memory.""")
-    parts = [table(("one substep", MJX, STRAIGHT), rows), said, gain, origin([stored["where"]])]
+        By the traced operations the gain would be {plain["traced"] / straight["traced"]:.1f} times, by the bytes
+        {plain["kilobytes"] / straight["kilobytes"]:.2f}; it is {times[STRAIGHT]:.2f} times on this processor, and
+        {times[BEFORE]:.2f} times with [rows before the batch](#rows-before-the-batch-or-behind-it), which was the form
+        up to commit b2f10ac. The compiler fuses them into {plain["fused_loops"]}, {straight["fused_loops"]} and
+        {before["fused_loops"]} loops, so fewer operations need not be fewer passes over memory.""")
+    parts = [table(("one substep", *of), rows), said, gain, origin([stored["where"]])]
     return "\n\n".join([*parts, *_on_a_gpu(results, straight)])
 
 
@@ -93,8 +95,8 @@ def _on_a_gpu(results: Path, straight: Mapping[str, float]) -> list[str]:
         greater of {least:.4f} ms and, at {PEAK_TFLOP:.0f} TFLOP/s, {arithmetic:.3f} ms. By a straight line through the
         two sizes, which is an extrapolation, {passes[0] - few * each:.2f} ms of a pass are there whatever the batch,
         probably the time of many small kernels; in the 24,576 environments of 12 seeds that is
-        {(passes[0] - few * each) / (passes[0] - (few - 24_576) * each):.0%} of it. Fewer kernels are what could be
-        gained there."""
+        {(passes[0] - few * each) / (passes[0] - (few - 24_576) * each):.0%} of it. Short batches
+        [take less](#rows-before-the-batch-or-behind-it)."""
     return [paragraph(text), origin([where for where, _ in measured_rows])]
 
 

@@ -14,6 +14,9 @@ FILE = "trial_only_seed.json"
 BEFORE = "profile_h200_large.json"
 """Of `experiments.benchmarks.profiles`: trainings of the program that still had the axis."""
 
+PHYSICS = "physics"
+"""The part that had the axis."""
+
 
 def only_seed(results: Path) -> str:
     """A step of each shape, what is compiled for it, and what a training may gain; a sentence where none is stored."""
@@ -48,14 +51,25 @@ def _gain(rows: Sequence[Mapping[str, Any]], results: Path) -> str:
     before, after = (read_json(results / name) for name in (BEFORE, halved.FILE))
     gains = []
     for what, of in before["profiles"].items():
-        with_it, without = pairs[int(what.split(":")[-1])]
-        saved = (with_it - without) / 1e3 * of["frames"] / int(what.split(":")[-1])
-        predicted = of["seconds"] / (of["seconds"] - saved)
-        measured = of["seconds"] / after["profiles"][what]["seconds"]
-        gains.append(f"{predicted:.2f} times as fast (`{what}`); measured is {measured:.2f}")
-    return f"""{text} If a training saved as much in each step, an iteration would be {", and ".join(gains)}. Measured
-        are whole iterations on one GPU at commits {commit(before["where"])} and {commit(after["where"])}, whose
-        parts are [above](#profiles), on two machines of the kind."""
+        num_envs = int(what.split(":")[-1])
+        if num_envs not in pairs or what not in after["profiles"]:
+            return text
+        saved = (pairs[num_envs][0] - pairs[num_envs][1]) / 1e3 * of["frames"] / num_envs
+        gains.append(_one_gain(what, of, after["profiles"][what], saved))
+    return f"""{text} If a training saved as much in each step, what would that make of the iterations that were
+        profiled with the axis (commit {commit(before["where"])}), and what did it (commit {commit(after["where"])}, on
+        another machine of the kind)? {" ".join(gains)}"""
+
+
+def _one_gain(what: str, before: Mapping[str, Any], after: Mapping[str, Any], saved: float) -> str:
+    """Of an iteration on one GPU, as predicted from `saved` seconds and as measured; with its other parts as they were,
+    since these may be faster on one machine than on another."""
+    whole = before["seconds"]
+    physics, now = (one["seconds"] * one["parts"][PHYSICS]["share"] for one in (before, after))
+    others = (whole - physics) / (after["seconds"] - now)
+    return f"""`{what}`: predicted {whole / (whole - saved):.2f} times as fast, measured
+        {whole / after["seconds"]:.2f}; but parts that the axis has nothing to do with were {others:.2f} times as fast
+        there, and without that it is {whole / (whole - physics + now):.2f}."""
 
 
 def _compiled(made: Mapping[str, Any]) -> tuple[str, str]:

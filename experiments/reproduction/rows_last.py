@@ -11,7 +11,7 @@ from t2tl_jax.runs.folder import read_json
 FILE = "trial_rows_last.json"
 """Random play in ZoneEnv with MJX in both forms, by turns, on several machines."""
 
-HEADING = ("seeds x environments", "environments", "rows before", "rows behind", "ratio", "to compile")
+HEADING = ("seeds x environments", "environments", "rows before", "rows behind", "ratio")
 
 
 def rows_last(results: Path) -> str:
@@ -24,7 +24,13 @@ def rows_last(results: Path) -> str:
         where = machine["where"]
         cores = f"On a host of {where['cpu_count']} cores, its processor alone." if where["backend"] == "cpu" else ""
         parts += [*[cores] * bool(cores), table(HEADING, map(_row, machine["rows"])), origin([where])]
-    return "\n\n".join([*parts, paragraph(_as_chosen(stored["machines"]))])
+    parts.append(paragraph(_as_chosen(stored["machines"])))
+    made = stored["compiled"]
+    said = f"""*Kernels* are the fused operations of what the compiler of JAX {made["jax"]} makes of {made["what"]}, for
+        an {made["device"]}, asked on a machine without one."""
+    kernels = [(f"{one['num_envs']:,}", str(one["rows_first"]), str(one["rows_last"])) for one in made["kernels"]]
+    heading = ("environments", "kernels, rows before", "kernels, rows behind")
+    return "\n\n".join([*parts, paragraph(said), table(heading, kernels)])
 
 
 def _together(row: Mapping[str, Any]) -> int:
@@ -32,14 +38,13 @@ def _together(row: Mapping[str, Any]) -> int:
 
 
 def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
-    seeds, each, before, behind = row["seeds"], row["num_envs"], row["before"], row["behind"]
+    seeds, each, before, behind = row["seeds"], row["num_envs"], row["rows_first"], row["rows_last"]
     return (
         f"{seeds} x {each:,}" if seeds else f"{each:,}",
         f"{_together(row):,}",
         f"{before:.2f} ms",
         f"{behind:.2f} ms",
         f"{before / behind:.2f}",
-        f"{row['compile_before']:.1f} s, {row['compile_behind']:.1f} s",
     )
 
 
@@ -49,10 +54,10 @@ def _as_chosen(machines: Any) -> str:
     for machine in machines:
         longest = ROWS_LAST_UP_TO[machine["where"]["backend"]]
         for row in machine["rows"]:
-            if (row["before"] > row["behind"]) != (_together(row) <= longest):
+            if (row["rows_first"] > row["rows_last"]) != (_together(row) <= longest):
                 wrong.append(f"{_together(row):,}")
-    text = f"""So rows lie behind a batch on a processor, and on a GPU behind one of up to {ROWS_LAST_UP_TO["gpu"]:,}
-        environments"""
+    text = f"""So rows lie behind a batch on a processor, and on every GPU behind one of up to
+        {ROWS_LAST_UP_TO["gpu"]:,} environments. Nothing was measured between the sizes above, nor on other GPUs."""
     if wrong:
-        return f"{text}, which is not the faster form of {', '.join(wrong)} environments."
-    return f"{text}, which is the faster form in every row above."
+        return f"{text} That is not the faster form of {', '.join(wrong)} environments."
+    return f"{text} That is the faster form in every row."

@@ -96,6 +96,7 @@ def test_a_batch_of_one_is_no_axis(monkeypatch):
 
 
 ONE_EACH = """
+import itertools
 import jax, jax.numpy as jnp, numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 from envs.straight_line import program, straight_line
@@ -107,15 +108,14 @@ expected = jax.vmap(jax.vmap(rows))
 same = jax.vmap(jax.vmap(straight_line(rows, MATRIX, VECTOR)))
 rng = np.random.default_rng(0)
 given = [jnp.asarray(rng.normal(size=(4, 5, *x.shape)), jnp.float32) for x in (MATRIX, VECTOR)]
-for shape, joined in (((4, 1), True), ((2, 2), False)):
+for shape, longest in itertools.product(((4, 1), (2, 2)), (4, 5)):  # of five environments on each device
     mesh = Mesh(np.array(jax.devices()).reshape(shape), ("seeds", "envs"), axis_types=(AxisType.Auto,) * 2)
     spread = NamedSharding(mesh, PartitionSpec("seeds"))
+    program.ROWS_LAST_UP_TO = {"gpu": longest}
+    batches = [(1,), (20,)] if shape == (4, 1) else [(1, 1), (4, 5)]  # joined if every device has one seed
     with jax.set_mesh(mesh):
-        assert row_shapes((4, 5)) == ({(LONG, 1), (LONG, 20)} if joined else {(LONG, 1, 1), (LONG, 4, 5)})
+        assert row_shapes((4, 5)) == {(*x, LONG) if longest == 5 else (LONG, *x) for x in batches}, (shape, longest)
         compiled = jax.jit(same, in_shardings=spread, out_shardings=spread).lower(*given).compile()
-        program.ROWS_LAST_UP_TO = {"gpu": 5}  # environments of each device
-        assert row_shapes((4, 5)) == {(1, LONG), (20, LONG)} if joined else {(1, 1, LONG), (4, 5, LONG)}
-        program.ROWS_LAST_UP_TO = {"gpu": 4}
     text = compiled.as_text()
     assert not any(word in text for word in ("all-gather", "all-reduce", "all-to-all", "collective-permute")), shape
     for one, other in zip(compiled(*jax.device_put(given, spread)), jax.jit(expected)(*given), strict=True):

@@ -18,9 +18,10 @@ def test_the_command_counts_less_in_a_straight_line(tmp_path):
     small = ["--num-envs", "4", "--substeps", "2", "--repeats", "1"]
     assert benchmark.main([*small, "--json", str(file)]) == 0
     found = json.loads(file.read_text())
-    plain, straight = (found["substep"][name] for name in (arithmetic.MJX, arithmetic.STRAIGHT))
+    plain, straight, before = found["substep"].values()
     assert straight["traced"] < 0.5 * plain["traced"] and plain["products"] > 0
     assert not any(straight[name] for name in ("gathers", "scatters", "products", "factorisations"))
+    assert straight["traced"] == before["traced"]
     steps = found["gradient_step"]
     assert set(arithmetic.LEARNERS.values()) <= set(steps) and all(one["kiloflop"] > 100 for one in steps.values())
 
@@ -28,7 +29,8 @@ def test_the_command_counts_less_in_a_straight_line(tmp_path):
 def test_the_page_sets_what_was_measured_against_the_floor(tmp_path):
     where = {"devices": ["NVIDIA H200"], "packages": {"jax": "0.11"}, "git_revision": "abcdefg", "time": "2026"}
     of = {name: ONE | {"kilobytes": 50.0, "kiloflop": 67.0, "microseconds": 1.0, "compile_s": 2.0}
-          for name in (arithmetic.MJX, arithmetic.STRAIGHT)}  # fmt: skip
+          for name in (arithmetic.MJX, arithmetic.STRAIGHT, arithmetic.BEFORE)}  # fmt: skip
+    of[arithmetic.BEFORE]["microseconds"] = 0.5
     steps = {arithmetic.T1TL: {"kiloflop": 335.0}, arithmetic.T2TL: {"kiloflop": 1000.0}}
     settings = {"num_envs": 4, "substeps": 2, "repeats": 1}
     stored = {"where": where, "settings": settings, "substep": of, "gradient_step": steps}
@@ -44,6 +46,7 @@ def test_the_page_sets_what_was_measured_against_the_floor(tmp_path):
     assert "65,536 environments takes 0.50 ms, of 131,072 0.80 ms" in text
     assert "4.8 TB/s would take 0.68 ms" in text and "0.066 ms" in text  # 65,536 x 67 kFLOP at 67 TFLOP/s
     assert "0.20 ms of a pass are there whatever the batch" in text
+    assert "is 1.00 times on this processor, and 2.00 times with [rows before the batch]" in text
     # Four epochs of 335 kFLOP take 0.02 us at 67 TFLOP/s; half of 0.25 us a frame is not acting.
     assert "| 4 | 1,340 | 0.020 us a frame | 0.125 us a frame | 6.2 times |" in arithmetic.gradient(tmp_path)
 

@@ -6,7 +6,8 @@ import pytest
 
 from experiments.reproduction.compiling import compiling
 from experiments.reproduction.halved import FILE, halved
-from experiments.reproduction.only_seed import only_seed
+from experiments.reproduction.only_seed import BEFORE, only_seed
+from experiments.reproduction.rows_last import rows_last
 
 WHERE = {"git_revision": "a" * 40, "devices": ["GPU"], "packages": {"jax": "1"}, "time": "2026-01-01"}
 
@@ -62,5 +63,34 @@ def test_a_batch_is_compared_with_and_without_an_axis_of_seeds(stored):
     said = " ".join(only_seed(stored).split())
     assert "| 2 x 4 | 8 | 5.00 ms | 625000 ns |" in said and "| one seed | 3 | 2 |" in said
     assert "1.50 times as long with 4 environments and 1.20 times as long with 8 environments" in said
-    # 50 steps of 0.3 s and 0.5 s, of which each would be 2 ms and 1 ms shorter
-    assert "`x:mjx:8` 1.11 times as fast and of `x:mjx:4` 1.50 times as fast" in said
+    assert "predicted" not in said
+    slow = {"x:mjx:8": profile(1.0, 0.8, 400), "x:mjx:4": profile(0.4, 0.5, 200)}
+    (stored / BEFORE).write_text(json.dumps({"where": WHERE | {"git_revision": "b" * 40}, "profiles": slow}))
+    said = " ".join(only_seed(stored).split())
+    # 50 steps of 1 s and 0.4 s, of which each would be 1 ms and 2 ms shorter; beside physics 0.2 s became 0.1 s, and
+    # 0.2 s became 0.15 s
+    assert "`x:mjx:8`: predicted 1.05 times as fast, measured 2.00; but parts" in said
+    assert "`x:mjx:4`: predicted 1.33 times as fast, measured 1.33; but parts" in said
+    assert "were 2.00 times as fast there, and without that it is 1.67." in said
+    assert "were 1.33 times as fast there, and without that it is 1.14." in said
+    assert "(commit bbbbbbb)" in said and "(commit aaaaaaa," in said
+
+
+def test_rows_before_the_batch_and_behind_it_are_compared_with_the_rule(tmp_path):
+    assert rows_last(tmp_path) == "Not measured yet."
+
+    def told(*gpu):
+        rows = [{"seeds": s, "num_envs": n, "rows_first": a, "rows_last": b} for s, n, a, b in gpu]
+        on_cpu = {"where": WHERE | {"backend": "cpu", "cpu_count": 3}, "rows": rows[:1]}
+        machines = [{"where": WHERE | {"backend": "gpu"}, "rows": rows}, on_cpu]
+        made = {"jax": "1", "what": "a step", "device": "GPU"}
+        made["kernels"] = [{"num_envs": 8, "rows_first": 5, "rows_last": 4}]
+        (tmp_path / "trial_rows_last.json").write_text(
+            json.dumps({"note": "Alone.", "machines": machines, "compiled": made})
+        )
+        return " ".join(rows_last(tmp_path).split())
+
+    said = told((2, 2048, 3.0, 2.0), (0, 8192, 2.0, 3.0))
+    assert "| 2 x 2,048 | 4,096 | 3.00 ms | 2.00 ms | 1.50 |" in said and "On a host of 3 cores" in said
+    assert "That is the faster form in every row." in said and "| 8 | 5 | 4 |" in said
+    assert "not the faster form of 8,192 environments" in told((2, 2048, 3.0, 2.0), (0, 8192, 3.0, 2.0))
