@@ -20,22 +20,16 @@ class Number:
     Given ones have no name.
     """
 
-    __slots__ = ("along", "apply", "dtype", "name", "of", "size")
+    __slots__ = ("apply", "dtype", "name", "of", "size")
 
-    def __init__(
-        self,
-        name: str,
-        apply: Callable[..., Any],
-        of: tuple[Any, ...],
-        dtype: Any,
-        size: int = 0,
-        *,
-        along: bool = False,
-    ) -> None:
-        """`apply` makes it of what `of` stands for; `size` is that of a row, and 0 for a single number. An operation
-        `along` a row makes one or takes it apart, and is told its `axis`."""
+    def __init__(self, name: str, apply: Callable[..., Any], of: tuple[Any, ...], dtype: Any, size: int = 0) -> None:
+        """`apply` makes it of what `of` stands for; `size` is that of a row, and 0 for a single number."""
         self.name, self.apply, self.of, self.dtype, self.size = name, apply, of, np.dtype(dtype), size
-        self.along = along
+
+    @property
+    def along(self) -> bool:
+        """Whether a row is put together or taken apart; `apply` is then told the `axis` of its entries."""
+        return (self.size > 0) != any(map(size_of, self.of))
 
 
 class InRow:
@@ -127,7 +121,7 @@ class Numbers:
     def reduced(self, name: str, x: Operand, size: int) -> Operand:
         """The entries of a row of that size combined, or a single number with itself so many times."""
         if isinstance(x, Number) and x.size:
-            return self._once((name, "row", id(x)), name, REDUCTIONS[name], (x,), x.dtype, along=True)
+            return self._once((name, "row", id(x)), name, REDUCTIONS[name], (x,), x.dtype, 0)
         whole = [x] * size if isinstance(x, Number) else list(np.broadcast_to(x, size))
         return functools.reduce(partial(self.call, name), whole)
 
@@ -136,7 +130,7 @@ class Numbers:
         if not isinstance(x, InRow):
             return x
         take = partial(jax.lax.index_in_dim, index=x.index, keepdims=False)
-        return self._once(("entry", x.index, id(x.row)), "entry", take, (x.row,), x.dtype, along=True)
+        return self._once(("entry", x.index, id(x.row)), "entry", take, (x.row,), x.dtype, 0)
 
     def row(self, entries: Sequence[Entry]) -> Operand:
         """Entries side by side; a single number if they are all the same."""
@@ -151,7 +145,7 @@ class Numbers:
         keys = [_key(x) for x in of]
         if len(set(keys)) == 1:
             return of[0]
-        return self._once(("row", *keys), "row", _stacked, of, first.dtype, len(of), along=True)
+        return self._once(("row", *keys), "row", _stacked, of, first.dtype, len(of))
 
     def entries(self, x: Operand, size: int) -> list[Entry]:
         """What stands in a row of that size, or a single number so many times."""
@@ -160,18 +154,10 @@ class Numbers:
         return list(np.broadcast_to(x, size))
 
     def _once(
-        self,
-        key: tuple[Any, ...],
-        name: str,
-        apply: Callable[..., Any],
-        of: tuple[Any, ...],
-        dtype: Any,
-        size: int = 0,
-        *,
-        along: bool = False,
+        self, key: tuple[Any, ...], name: str, apply: Callable[..., Any], of: tuple[Any, ...], dtype: Any, size: int
     ) -> Number:
         if key not in self._by_key:
-            self._by_key[key] = self._add(Number(name, apply, of, dtype, size, along=along))
+            self._by_key[key] = self._add(Number(name, apply, of, dtype, size))
         return self._by_key[key]
 
     def _add(self, number: Number) -> Number:
