@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from envs.straight_line.program import ROWS_LAST_UP_TO
-from experiments.reproduction.page import origin, paragraph, table
+from experiments.reproduction.page import commit, origin, paragraph, table
 from t2tl_jax.runs.folder import read_json
 
 FILE = "trial_rows_last.json"
@@ -27,7 +27,7 @@ def rows_last(results: Path) -> str:
     parts.append(paragraph(_as_chosen(stored["machines"])))
     made = stored["compiled"]
     said = f"""*Kernels* are the fused operations of what the compiler of JAX {made["jax"]} makes of {made["what"]}, for
-        an {made["device"]}, asked on a machine without one."""
+        an {made["device"]}, asked on a machine without one at commit {commit(made)}."""
     kernels = [(f"{one['num_envs']:,}", str(one["rows_first"]), str(one["rows_last"])) for one in made["kernels"]]
     heading = ("environments", "kernels, rows before", "kernels, rows behind")
     return "\n\n".join([*parts, paragraph(said), table(heading, kernels)])

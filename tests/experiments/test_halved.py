@@ -83,7 +83,7 @@ def test_rows_before_the_batch_and_behind_it_are_compared_with_the_rule(tmp_path
         rows = [{"seeds": s, "num_envs": n, "rows_first": a, "rows_last": b} for s, n, a, b in gpu]
         on_cpu = {"where": WHERE | {"backend": "cpu", "cpu_count": 3}, "rows": rows[:1]}
         machines = [{"where": WHERE | {"backend": "gpu"}, "rows": rows}, on_cpu]
-        made = {"jax": "1", "what": "a step", "device": "GPU"}
+        made = {"jax": "1", "what": "a step", "device": "GPU", "git_revision": "c" * 40}
         made["kernels"] = [{"num_envs": 8, "rows_first": 5, "rows_last": 4}]
         (tmp_path / "trial_rows_last.json").write_text(
             json.dumps({"note": "Alone.", "machines": machines, "compiled": made})
@@ -93,4 +93,5 @@ def test_rows_before_the_batch_and_behind_it_are_compared_with_the_rule(tmp_path
     said = told((2, 2048, 3.0, 2.0), (0, 8192, 2.0, 3.0))
     assert "| 2 x 2,048 | 4,096 | 3.00 ms | 2.00 ms | 1.50 |" in said and "On a host of 3 cores" in said
     assert "That is the faster form in every row." in said and "| 8 | 5 | 4 |" in said
+    assert "at commit ccccccc." in said
     assert "not the faster form of 8,192 environments" in told((2, 2048, 3.0, 2.0), (0, 8192, 3.0, 2.0))
