@@ -280,6 +280,25 @@ def rows_last(text: str, seeds: int) -> tuple[Form, Form]:
     return before, _iteration(config)
 
 
+def few_kernels(text: str, seeds: int) -> tuple[Form, Form]:
+    """An iteration that takes each array of a network by itself, for the norm of the gradient and for what a single
+    number decides on, and one that does not.
+
+    Args:
+        text: the training.
+        seeds: how many.
+    """
+    import optax
+
+    from experiments.benchmarks.trainings import training
+    from t2tl_jax.training import few_kernels as of_many
+
+    config = replace(training(text), seeds=str(seeds))
+    with patch.multiple(of_many, global_norm=optax.tree.norm, read_by_many=lambda number: number):
+        before = _iteration(config)
+    return before, _iteration(config)
+
+
 def _iteration(config: Any) -> Form:
     import jax
 
@@ -312,6 +331,7 @@ STEPS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "guard": partial(guard, "zone_ppo:t1tl:closed_form", 1),
     "rows_t1tl": partial(rows_last, "zone_ppo:t1tl", 1),
     "rows_t2tl": partial(rows_last, "zone_ppo:t2tl", 1),
+    "kernels_t1tl": partial(few_kernels, "zone_ppo:t1tl", 1),
 }
 """Both forms of each step, the slow one first."""
 
@@ -324,6 +344,10 @@ FOR_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "guard_dqn": partial(guard, "waterworld_dqn:t1tl", 12),
     "rows_long": partial(rows_last, "zone_ppo_long:t1tl", 1),
     "rows_12": partial(rows_last, "zone_ppo:t1tl", 12),
+    "kernels_closed_form": partial(few_kernels, "zone_ppo:t1tl:closed_form", 1),
+    "kernels_t2tl": partial(few_kernels, "zone_ppo:t2tl", 1),
+    "kernels_dqn": partial(few_kernels, "waterworld_dqn:t1tl", 1),
+    "kernels_12": partial(few_kernels, "zone_ppo_long:t1tl", 12),
 }
 """Likewise, of a size that takes long without a GPU; these are done only where they are named."""
 

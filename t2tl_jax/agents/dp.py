@@ -24,6 +24,7 @@ from t2tl_jax.networks.actor_critic import ActorCritic
 from t2tl_jax.registry import register_agent
 from t2tl_jax.single_state import SingleState
 from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training import few_kernels
 from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics, Params
 
@@ -157,7 +158,7 @@ def make_dp(env: TaskEnv, config: DPConfig, episode_length: int, iterations: int
 
         gradient, scalars = jax.grad(loss, has_aux=True)(params)
         updates, opt_state = optimizer.update(gradient, opt_state, params)
-        scalars["gradient_norm"] = optax.tree.norm(gradient)
+        scalars["gradient_norm"] = few_kernels.global_norm(gradient)
         return (optax.apply_updates(params, updates), opt_state), scalars
 
     def iterate(state: DPState, env_params: TaskParams) -> tuple[DPState, Metrics]:

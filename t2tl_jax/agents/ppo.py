@@ -25,6 +25,7 @@ from t2tl_jax.networks.actor_critic import ActorCritic
 from t2tl_jax.networks.windows import Carry, Segment, Window
 from t2tl_jax.registry import register_agent
 from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training import few_kernels
 from t2tl_jax.training.advantages import generalised_advantages
 from t2tl_jax.training.devices import on_each, over_envs
 from t2tl_jax.training.optimizer import clipped_adam
@@ -287,7 +288,7 @@ def make_ppo(env: TaskEnv, config: PPOConfig, episode_length: int, iterations: i
             gradient, scalars = jax.grad(loss, has_aux=True)(params)
         with jax.named_scope("optimiser"):
             updates, opt_state = optimizer.update(gradient, opt_state, params)
-            scalars["gradient_norm"] = optax.tree.norm(gradient)
+            scalars["gradient_norm"] = few_kernels.global_norm(gradient)
             return (optax.apply_updates(params, updates), opt_state), scalars
 
     def epoch(

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import optax
 
 from t2tl_jax.task_env import TaskParams
+from t2tl_jax.training import few_kernels
 from t2tl_jax.training.types import Agent, Metrics, Params
 from t2tl_jax.training.unroll import FAILED
 
@@ -61,8 +62,8 @@ def clipped(
     chain = optax.chain(optax.identity(), optimizer)  # in the place of the clipping, whose state is as empty
 
     def update(gradient: Any, state: Any, params: Params = None, **extra: Any) -> tuple[Any, Any]:
-        norms = jax.tree.map(optax.tree.norm, gradient) if each else optax.tree.norm(gradient)
-        finite = reduce(jnp.logical_and, map(jnp.isfinite, jax.tree.leaves(norms)))
+        norms = jax.tree.map(optax.tree.norm, gradient) if each else few_kernels.global_norm(gradient)
+        finite = few_kernels.read_by_many(reduce(jnp.logical_and, map(jnp.isfinite, jax.tree.leaves(norms))))
 
         def bounded(norm: jax.Array, part: Any) -> Any:
             """All arrays that share a norm."""
@@ -92,7 +93,7 @@ def watched(agent: Agent) -> Agent:
         with jax.named_scope("guard"):
             fault, scalars = _fault(after, metrics, env_params)
             is_good = fault == Fault.NONE
-            after = _chosen(is_good, after, state, used, agent.replay)
+            after = _chosen(few_kernels.read_by_many(is_good), after, state, used, agent.replay)
             episodes, tasks = jax.tree.map(
                 lambda x: jnp.where(is_good, x, jnp.zeros_like(x)), (metrics.episodes, metrics.tasks)
             )
@@ -132,7 +133,7 @@ def _apart(state: Any, env_params: TaskParams, replay: str) -> Any:
     fault = getattr(env_params, "fault", ())
     if isinstance(fault, tuple):  # a caller who keeps none, as tests do
         return state
-    is_a_fault = jnp.asarray(fault) >= Fault.NONE
+    is_a_fault = few_kernels.read_by_many(jnp.asarray(fault) >= Fault.NONE)
 
     def apart(x: Any) -> Any:
         if jnp.issubdtype(jnp.result_type(x), jax.dtypes.prng_key):

@@ -18,6 +18,7 @@ from t2tl_jax.ltl import compile_tasks
 from t2tl_jax.runs.checkpoints import Checkpoints
 from t2tl_jax.single_state import SingleState, SingleStateConfig
 from t2tl_jax.task_env import TaskEnv
+from t2tl_jax.training import few_kernels
 from t2tl_jax.training.optimizer import clipped_adam
 from tests.probe import DiscreteProbeEnv
 
@@ -89,6 +90,21 @@ def test_clipping_is_that_of_optax_and_what_is_not_finite_changes_no_parameter(s
     other, expected = usual.update(then if finite else jax.tree.map(np.zeros_like, then), expected, PARAMS)
     chex.assert_trees_all_close(state, expected, rtol=1e-6)
     chex.assert_trees_all_close(updates, other if finite else jax.tree.map(np.zeros_like, then), rtol=1e-6)
+
+
+def test_the_norm_of_many_arrays_is_one_sum_and_one_number_decides_on_all():
+    """What makes few kernels of them on a GPU. As in a run, there is an axis of seeds."""
+    rng = np.random.default_rng(0)
+    gradients = {"params": {str(i): rng.normal(size=(1, 3, 2 + i % 2)).astype(np.float32) for i in range(9)}}
+    params = jax.tree.map(np.zeros_like, gradients)
+    optimizer = clipped_adam(1e-2, 0.5, gradient_steps=10, anneal=False)
+    state = jax.vmap(optimizer.init)(params)
+    lines = str(jax.make_jaxpr(jax.vmap(optimizer.update))(gradients, state, params)).splitlines()
+    assert sum(" reduce_sum[" in line for line in lines) == 1
+    (barrier,) = (line for line in lines if "optimization_barrier" in line)
+    assert ":bool[1,2]" in barrier.replace(" ", "")
+    norm = jax.jit(jax.vmap(few_kernels.global_norm))(gradients)
+    np.testing.assert_allclose(norm, jax.vmap(optax.tree.norm)(gradients), rtol=1e-6)
 
 
 def by_numpy(gradient, norm):
