@@ -29,6 +29,7 @@ from experiments.reproduction.cells import text
 from experiments.reproduction.changed import changed
 from experiments.reproduction.compiling import compiling
 from experiments.reproduction.episode import EpisodeGIF
+from experiments.reproduction.few_kernels import few_kernels
 from experiments.reproduction.graphs import graphs
 from experiments.reproduction.guard_price import guard_price
 from experiments.reproduction.halved import halved
@@ -43,9 +44,11 @@ from experiments.reproduction.pictures import Picture, pictures
 from experiments.reproduction.rows_last import rows_last
 from experiments.reproduction.runs import WATER_METHODS
 from experiments.reproduction.scaling import scaling
+from experiments.reproduction.second_gpu import second_gpu
 from experiments.reproduction.sections import safe_again
 from experiments.reproduction.sections.anyshort import in_short
 from experiments.reproduction.stored import Stored
+from experiments.reproduction.sums_of_rows import sums_of_rows
 from experiments.reproduction.tally import tally
 from experiments.tuning import in_words
 
@@ -131,10 +134,13 @@ def documentation(root: Path) -> Documentation:
             "gains": profiles.gains(results),
             "guard": guard_price(results),
             "graphs": graphs(results),
+            "few-kernels": few_kernels(results),
             "scaling": scaling(results),
             "halved": halved(results),
+            "second-gpu": second_gpu(results),
             "only-seed": only_seed(results),
             "rows-last": rows_last(results),
+            "sums-of-rows": sums_of_rows(results),
             "compiling": compiling(results),
             "substep": arithmetic.substep(results),
             "gradient-step": arithmetic.gradient(results),

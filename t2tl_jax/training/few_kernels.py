@@ -14,7 +14,7 @@ import optax
 def global_norm(tree: Any) -> jax.Array:
     """float32[]: the norm of all arrays together, up to rounding that of `optax.tree.norm`.
 
-    Of each array that would take two kernels; here all are put into one array first.
+    Of each array that would take a kernel of its own; here all are put into one array first.
     """
     return optax.tree.norm(jnp.concatenate([jnp.ravel(x) for x in jax.tree.leaves(tree)]))
 

@@ -5,9 +5,12 @@ import json
 import pytest
 
 from experiments.reproduction.compiling import compiling
+from experiments.reproduction.few_kernels import few_kernels
 from experiments.reproduction.halved import FILE, halved
 from experiments.reproduction.only_seed import BEFORE, only_seed
 from experiments.reproduction.rows_last import rows_last
+from experiments.reproduction.second_gpu import HOST, USUAL, second_gpu
+from experiments.reproduction.sums_of_rows import sums_of_rows
 
 WHERE = {"git_revision": "a" * 40, "devices": ["GPU"], "packages": {"jax": "1"}, "time": "2026-01-01"}
 
@@ -95,3 +98,54 @@ def test_rows_before_the_batch_and_behind_it_are_compared_with_the_rule(tmp_path
     assert "That is the faster form in every row." in said and "| 8 | 5 | 4 |" in said
     assert "at commit ccccccc." in said
     assert "not the faster form of 8,192 environments" in told((2, 2048, 3.0, 2.0), (0, 8192, 3.0, 2.0))
+
+
+def test_what_is_lost_to_the_second_gpu_is_of_the_newest_commit(tmp_path):
+    assert second_gpu(tmp_path) == "Not measured yet."
+
+    def machine(commit, *rows):
+        made = [
+            {"num_envs": n, "devices": on, "form": form, "seconds": s, "fastest": s - 0.001, "slowest": s + 0.001}
+            for n, on, form, s in rows
+        ]
+        return {"where": WHERE | {"git_revision": commit * 40}, "beside": "Alone.", "rows": made}
+
+    old = machine("a", (8, 1, USUAL, 0.9), (8, 2, USUAL, 0.8), (8, 2, "another", 0.85))
+    new = machine("b", (8, 1, USUAL, 0.4), (8, 2, USUAL, 0.25))
+    half = machine("b", (4, 1, USUAL, 0.22), (4, 1, HOST, 0.24))
+    trial = {"note": "One seed.", "machines": [old, new, half], "failed": "Another form failed."}
+    (tmp_path / "trial_second_gpu.json").write_text(json.dumps(trial))
+    said = " ".join(second_gpu(tmp_path).split())
+    assert "| 8 | 2 | another | aaaaaaa | 850 ms (849, 851) |" in said
+    assert "By commit bbbbbbb two GPUs make 1.60 times what one makes" in said
+    assert "is done in 220 ms" in said and "would make 1.82 times as much" in said
+    assert "20 ms are not shared out" in said and "30 ms come with the second GPU" in said
+    assert "20 ms more for half of the environments" in said and said.endswith("Another form failed.")
+
+
+def test_forms_of_sums_are_beside_each_other(tmp_path):
+    assert sums_of_rows(tmp_path) == "Not measured yet."
+    row = {"num_envs": 4096, "reduction": 3.0, "slices": 2.0, "compile_reduction": 9.0, "compile_slices": 15.0}
+    made = {"jax": "1", "what": "a step", "device": "GPU", "git_revision": "c" * 40, "on": "a machine"}
+    made["forms"] = [{"form": "halves", "kernels": 3, "seconds": 4.4}]
+    trial = {"where": WHERE, "note": "Alone.", "slices": 4, "rows": [row], "compiled": made}
+    (tmp_path / "trial_sums_of_rows.json").write_text(json.dumps(trial))
+    said = sums_of_rows(tmp_path)
+    assert "| 4,096 | 3.00 ms | 2.00 ms | 1.50 | 9.0 s | 15.0 s |" in said and "| halves | 3 | 4 s |" in said
+
+
+def test_kernels_are_counted_before_and_after(tmp_path):
+    assert few_kernels(tmp_path) == "Not measured yet."
+
+    def counted(commit, *counts):
+        rows = [{"what": "x", "seeds": seeds, "step": step, "all": whole} for seeds, step, whole in counts]
+        return {"git_revision": commit * 40, "rows": rows}
+
+    trial = {"jax": "1", "device": "GPU"}
+    trial |= {
+        "before": counted("a", (1, 400, 1200), (12, 300, 600)),
+        "after": counted("b", (1, 200, 500), (12, 280, 539)),
+    }
+    (tmp_path / "trial_few_kernels.json").write_text(json.dumps(trial))
+    said = few_kernels(tmp_path)
+    assert "| x | 1 seed | 400 -> 200 | 1,200 -> 500 |" in said and "| x | 12 seeds | 300 -> 280 | 600 -> 539 |" in said
