@@ -21,7 +21,8 @@ def few_kernels(results: Path) -> str:
         rows.append((before["what"], seeds, *counts))
     said = f"""Fused operations in what the compiler of JAX {stored["jax"]} makes of one iteration for an
         {stored["device"]}, asked on a machine without one at commit {commit(stored["before"])} and at
-        {commit(stored["after"])}: in the loop of gradient steps, and in the whole program. The text of the script is in
-        `results/{FILE}`."""
-    heading = ("training", "size", "kernels of a gradient step", "kernels of the program")
+        {commit(stored["after"])}: in the loop of gradient steps, and in the whole program. Each is a kernel; matrix
+        products that are not fused, copies and what devices send each other are not counted. The text of the script is
+        in `results/{FILE}`."""
+    heading = ("training", "size", "of a gradient step", "of the program")
     return "\n\n".join([paragraph(said), table(heading, rows)])

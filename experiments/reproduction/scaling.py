@@ -199,16 +199,19 @@ def _less_busy(results: Path, shared: Sequence[tuple[Mapping[str, Any], Pair]]) 
         before = [rate for where, rate in fewer if where.get("time", "") <= of_several.get("time", "")]
         if (same_commit or before) and pair.one.part == "training":
             could = pair.count * (same_commit or before)[-1] / pair.one.rate
-            kept.append(pair.ratio >= FULL * could)
+            kept.append(pair.ratio / could)
             what = f"{pair.one.what} with {pair.one.size} ({of_several['git_revision'][:7]})"
             said.append(f"{what} {could:.2f} times, measured {pair.ratio:.2f} times")
     if not said:
         return ""
-    lost = " So what is missing is lost on each device, which fewer seeds keep less busy, and hardly between them."
+    lost = (
+        " So what is missing is lost on each device, which fewer seeds keep less busy, and hardly between them: "
+        f"{max(1 - min(kept), 0):.1%} at most."
+    )
     return paragraph(
         "If devices did not wait for one another, each would be as fast as one device with its share of the seeds, by "
         "the same commit or, where that was not measured, by the last one before, and together they would make "
-        f"{'; '.join(said)}.{lost * all(kept)}"
+        f"{'; '.join(said)}.{lost * (min(kept) >= FULL)}"
     )
 
 

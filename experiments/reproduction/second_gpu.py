@@ -21,9 +21,11 @@ def second_gpu(results: Path) -> str:
     stored = read_json(results / FILE)
     rows = list(_rows(stored["machines"]))
     heading = ("environments", "GPUs", "form", "commit", "an iteration")
-    beside = " ".join(f"{_ordinal(i)} machine: {of['beside']}" for i, of in enumerate(stored["machines"]))
+    beside = " ".join(f"Machine {i}: {of['beside']}" for i, of in enumerate(stored["machines"], 1))
+    options = {row["form"]: row["xla_flags"] for of in stored["machines"] for row in of["rows"] if row["xla_flags"]}
+    named = "; ".join(f"*{form}*: `{flags}`" for form, flags in options.items())
     parts = (
-        paragraph(f"{stored['note']} {beside}"),
+        paragraph(f"{stored['note']} {beside} The options of XLA that forms other than a run's have: {named}."),
         table(heading, rows),
         origin([of["where"] for of in stored["machines"]]),
         paragraph(f"{_lost(stored['machines'])} {stored['failed']}"),
@@ -37,10 +39,6 @@ def _rows(machines: list[Mapping[str, Any]]) -> Iterator[tuple[str, ...]]:
             took, least, most = (f"{1e3 * row[name]:.0f}" for name in ("seconds", "fastest", "slowest"))
             made = commit(of["where"])
             yield f"{row['num_envs']:,}", str(row["devices"]), row["form"], made, f"{took} ms ({least}, {most})"
-
-
-def _ordinal(place: int) -> str:
-    return ("First", "Second", "Third")[place]
 
 
 def _lost(machines: list[Mapping[str, Any]]) -> str:
@@ -58,8 +56,8 @@ def _lost(machines: list[Mapping[str, Any]]) -> str:
         environments is done in {1e3 * half:.0f} ms, so that two which had nothing to tell each other would make
         {one / half:.2f} times as much: {1e3 * (half - one / 2):.0f} ms are not shared out by sharing out
         environments, and {1e3 * (two - half):.0f} ms come with the second GPU. With all loops started by the host one
-        GPU takes {1e3 * (by_host - half):.0f} ms more for half of the environments; on two GPUs only the loop of
-        gradient steps is started so."""
+        GPU took {1e3 * (by_host - half):.0f} ms more for half of the environments, of which a part may be due to what
+        ran beside it; of the loops of two GPUs those of gradient steps and epochs are probably started so."""
 
 
 def _keys(most: int, least: int) -> tuple[tuple[int, int, str], ...]:

@@ -22,8 +22,8 @@ def sums_of_rows(results: Path) -> str:
     heading = ("environments", "a reduction", "slices", "ratio", "compiling, a reduction", "compiling, slices")
     made = stored["compiled"]
     forms = [(of["form"], str(of["kernels"]), f"{of['seconds']:.0f} s") for of in made["forms"]]
-    said = f"""Random play, nothing learned, with the sums over rows as reductions and with {stored["slices"]} slices
-        added up, and then their entries one by one. {stored["note"]}"""
+    said = f"""Random play, nothing learned, with the sums over rows (and their largest and least entries) as
+        reductions, and with {stored["slices"]} slices added up, and then their entries one by one. {stored["note"]}"""
     asked = f"""*Kernels* are the fused operations of what the compiler of JAX {made["jax"]} makes of {made["what"]},
         for an {made["device"]}, asked on a machine without one at commit {commit(made)}; its seconds are of
         {made["on"]}. Where no reduction is named, entries are added one by one in the end."""

@@ -127,8 +127,8 @@ def _apart(state: Any, env_params: TaskParams, replay: str) -> Any:
 
     The loops of an iteration work in the memory of the state that they are given, so what a frozen seed goes back to
     has to lie elsewhere. XLA would copy it array by array, and with loops as CUDA graphs hundreds of small copies cost.
-    A choice whose outcome it cannot know, no fault being negative, makes each of them a kernel like others, which was
-    measured to cost a fraction of that.
+    A choice whose outcome it cannot know, no fault being negative, makes kernels of them like others, which was
+    measured to cost a fraction of that; arrays of one shape share one.
     """
     fault = getattr(env_params, "fault", ())
     if isinstance(fault, tuple):  # a caller who keeps none, as tests do

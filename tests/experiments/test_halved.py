@@ -106,6 +106,7 @@ def test_what_is_lost_to_the_second_gpu_is_of_the_newest_commit(tmp_path):
     def machine(commit, *rows):
         made = [
             {"num_envs": n, "devices": on, "form": form, "seconds": s, "fastest": s - 0.001, "slowest": s + 0.001}
+            | {"xla_flags": "--x=1" if form == HOST else ""}
             for n, on, form, s in rows
         ]
         return {"where": WHERE | {"git_revision": commit * 40}, "beside": "Alone.", "rows": made}
@@ -121,6 +122,7 @@ def test_what_is_lost_to_the_second_gpu_is_of_the_newest_commit(tmp_path):
     assert "is done in 220 ms" in said and "would make 1.82 times as much" in said
     assert "20 ms are not shared out" in said and "30 ms come with the second GPU" in said
     assert "20 ms more for half of the environments" in said and said.endswith("Another form failed.")
+    assert f"other than a run's have: *{HOST}*: `--x=1`." in said and "Machine 3: Alone." in said
 
 
 def test_forms_of_sums_are_beside_each_other(tmp_path):

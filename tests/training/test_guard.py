@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import chex
 import jax
@@ -23,6 +24,7 @@ from t2tl_jax.runs.callbacks import Callback
 from t2tl_jax.runs.checkpoints import Checkpoints, superfluous
 from t2tl_jax.runs.train import resume, train
 from t2tl_jax.task_env import TaskEnv, TaskParams
+from t2tl_jax.training import few_kernels
 from t2tl_jax.training.guard import CAUSES, Fault, watched
 from t2tl_jax.training.optimizer import clipped_adam
 from t2tl_jax.training.types import Agent, EpisodeTotals, Metrics
@@ -310,6 +312,22 @@ def test_a_run_of_a_group_has_the_faults_of_its_lanes():
 )
 def test_which_checkpoints_give_way(broken, gone):
     assert superfluous([1, 2, 3, 4], broken) == gone
+
+
+def test_what_the_guard_decides_on_is_read_as_one_of_two_unless_a_gain_is_measured():
+    """Once for the copies before, and once for the choice after."""
+    agent = fake_agent.make_agent()
+    state = agent.init(jax.random.key(0), None)
+
+    def barriers():
+        def iterate(state, fault):
+            return watched(agent).iterate(state, SimpleNamespace(fault=fault))
+
+        return str(jax.make_jaxpr(iterate)(state, jnp.int32(0))).count("= optimization_barrier")
+
+    assert barriers() == 2
+    with patch.multiple(few_kernels, read_by_many=lambda number: number):
+        assert barriers() == 0
 
 
 @pytest.mark.slow
