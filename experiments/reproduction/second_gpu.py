@@ -6,9 +6,13 @@ from typing import Any
 
 from experiments.reproduction.page import commit, origin, paragraph, table
 from t2tl_jax.runs.folder import read_json
+from t2tl_jax.training.compiler_options import GRAPHS
 
 FILE = "trial_second_gpu.json"
 """Iterations of one seed by one GPU and by two, as a run has them and with other options of XLA."""
+
+OPTION = "xla_gpu_enable_command_buffer"
+"""XLA's option that says what becomes part of CUDA graphs."""
 
 USUAL, HOST = "as a run", "loops started by the host"
 """The form of a run's programs, and the one without loops as CUDA graphs."""
@@ -23,9 +27,9 @@ def second_gpu(results: Path) -> str:
     heading = ("environments", "GPUs", "form", "commit", "an iteration")
     beside = " ".join(f"Machine {i}: {of['beside']}" for i, of in enumerate(stored["machines"], 1))
     options = {row["form"]: row["xla_flags"] for of in stored["machines"] for row in of["rows"] if row["xla_flags"]}
-    named = "; ".join(f"*{form}*: `{flags}`" for form, flags in options.items())
+    named = "; ".join(f"*{form}* has it {_unlike_a_run(flags)}" for form, flags in options.items())
     parts = (
-        paragraph(f"{stored['note']} {beside} The options of XLA that forms other than a run's have: {named}."),
+        paragraph(f"{stored['note']} {beside} Of a run's options of XLA one is another, `{OPTION}`: {named}."),
         table(heading, rows),
         origin([of["where"] for of in stored["machines"]]),
         paragraph(f"{_lost(stored['machines'])} {stored['failed']}"),
@@ -39,6 +43,16 @@ def _rows(machines: list[Mapping[str, Any]]) -> Iterator[tuple[str, ...]]:
             took, least, most = (f"{1e3 * row[name]:.0f}" for name in ("seconds", "fastest", "slowest"))
             made = commit(of["where"])
             yield f"{row['num_envs']:,}", str(row["devices"]), row["form"], made, f"{took} ms ({least}, {most})"
+
+
+def _unlike_a_run(flags: str) -> str:
+    """What an option names more than it does in a run, and what it leaves out."""
+    name, _, values = flags.partition("=")
+    if name != f"--{OPTION}":
+        raise ValueError(f"{FILE}: of XLA's options only {OPTION} is known here, got {flags!r}")
+    usual, given = set(str(GRAPHS[OPTION]).split(",")), set(values.split(","))
+    changes = [("with", given - usual), ("without", usual - given)]
+    return " and ".join(f"{word} {', '.join(sorted(names))}" for word, names in changes if names)
 
 
 def _lost(machines: list[Mapping[str, Any]]) -> str:

@@ -9,8 +9,9 @@ from experiments.reproduction.few_kernels import few_kernels
 from experiments.reproduction.halved import FILE, halved
 from experiments.reproduction.only_seed import BEFORE, only_seed
 from experiments.reproduction.rows_last import rows_last
-from experiments.reproduction.second_gpu import HOST, USUAL, second_gpu
+from experiments.reproduction.second_gpu import HOST, OPTION, USUAL, second_gpu
 from experiments.reproduction.sums_of_rows import sums_of_rows
+from t2tl_jax.training.compiler_options import GRAPHS
 
 WHERE = {"git_revision": "a" * 40, "devices": ["GPU"], "packages": {"jax": "1"}, "time": "2026-01-01"}
 
@@ -103,10 +104,13 @@ def test_rows_before_the_batch_and_behind_it_are_compared_with_the_rule(tmp_path
 def test_what_is_lost_to_the_second_gpu_is_of_the_newest_commit(tmp_path):
     assert second_gpu(tmp_path) == "Not measured yet."
 
+    usual = GRAPHS[OPTION]
+    flags = {HOST: usual.replace("WHILE,", ""), "another": f"{usual},MORE"}
+
     def machine(commit, *rows):
         made = [
             {"num_envs": n, "devices": on, "form": form, "seconds": s, "fastest": s - 0.001, "slowest": s + 0.001}
-            | {"xla_flags": "--x=1" if form == HOST else ""}
+            | {"xla_flags": f"--{OPTION}={flags[form]}" if form in flags else ""}
             for n, on, form, s in rows
         ]
         return {"where": WHERE | {"git_revision": commit * 40}, "beside": "Alone.", "rows": made}
@@ -122,7 +126,7 @@ def test_what_is_lost_to_the_second_gpu_is_of_the_newest_commit(tmp_path):
     assert "is done in 220 ms" in said and "would make 1.82 times as much" in said
     assert "20 ms are not shared out" in said and "30 ms come with the second GPU" in said
     assert "20 ms more for half of the environments" in said and said.endswith("Another form failed.")
-    assert f"other than a run's have: *{HOST}*: `--x=1`." in said and "Machine 3: Alone." in said
+    assert f"*another* has it with MORE; *{HOST}* has it without WHILE." in said and "Machine 3: Alone." in said
 
 
 def test_forms_of_sums_are_beside_each_other(tmp_path):
