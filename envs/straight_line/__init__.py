@@ -7,7 +7,8 @@ apart into their entries, what is known is computed at once and what is the same
 expression, which the compiler keeps in registers.
 
 The arithmetic is the function's. Three things can differ in rounding, or where numbers are not finite: sums are added
-up from the first to the last, triangular systems are solved row by row, and a known 0 times anything is 0.
+up from the first to the last, or along a row as `layout` and the compiler have it; triangular systems are solved row by
+row; and a known 0 times anything is 0.
 """
 
 from envs.straight_line.program import straight_line

@@ -31,6 +31,11 @@ class Number:
         """Whether a row is put together or taken apart; `apply` is then told the `axis` of its entries."""
         return (self.size > 0) != any(map(size_of, self.of))
 
+    @property
+    def combines_row(self) -> bool:
+        """Whether it is the entries of a row, combined by one of `REDUCTIONS`."""
+        return self.along and self.name in REDUCTIONS
+
 
 class InRow:
     """One entry of a row."""

@@ -1,6 +1,5 @@
 """From a function of JAX to straight-line arithmetic, and back to a function of JAX."""
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import accumulate
@@ -13,6 +12,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from envs.straight_line import arrays
 from envs.straight_line.arrays import Array, each, entries, fold, known, singles
+from envs.straight_line.layout import Layout, layout_for, shortened
 from envs.straight_line.numbers import KNOWN, Number, Numbers, Operand, size_of
 
 NESTED = {"jit": "jaxpr", "pjit": "jaxpr", "closed_call": "call_jaxpr", "custom_jvp_call": "call_jaxpr"}
@@ -23,11 +23,6 @@ SCATTERS = {"scatter": None, "scatter-add": "add", "scatter-mul": "mul"}
 
 FOLDS = {"reduce_sum": "add", "reduce_max": "max", "reduce_min": "min", "reduce_and": "and", "reduce_or": "or"}
 """Operations along axes, and what combines two numbers."""
-
-
-ROWS_LAST_UP_TO = {"cpu": math.inf, "gpu": 4096}
-"""By kind of device the longest batch for which the entries of a row lie together in memory, instead of one number of
-the whole batch: as measured on an H200 and two processors, see docs/performance.md. Other kinds are taken for a GPU."""
 
 
 def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[..., Any]:
@@ -53,11 +48,9 @@ def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[...,
     steps = _needed(numbers.made, results)
     dtypes, tree = [x.dtype for x in jax.tree.leaves(shape)], jax.tree.structure(shape)
 
-    def run(axis: int, *leaves: jax.Array) -> list[jax.Array]:
-        """Arrays with any number of axes more behind their own, over which everything is done at once.
-
-        Rows have their entries along an axis before those (0), or behind them (-1).
-        """
+    def run(layout: Layout, *leaves: jax.Array) -> list[jax.Array]:
+        """Arrays with any number of axes more behind their own, over which everything is done at once."""
+        axis = layout.axis
         values: dict[int, Any] = {}
         for names, x in zip(given, leaves, strict=True):
             for at in np.ndindex(names.shape):
@@ -76,7 +69,9 @@ def straight_line(function: Callable[..., Any], *examples: Any) -> Callable[...,
 
         for step in steps:
             sizes = map(size_of, step.of) if step.along else [step.size] * len(step.of)
-            operands = map(value, step.of, sizes)
+            operands = [value(x, size) for x, size in zip(step.of, sizes, strict=True)]
+            if step.combines_row:
+                operands = [shortened(row, step.name, layout) for row in operands]
             values[id(step)] = step.apply(*operands, axis=axis) if step.along else step.apply(*operands)
         out = []
         for names, dtype in zip(results, dtypes, strict=True):
@@ -100,7 +95,7 @@ def _with_batches_behind(run: Callable[..., list[jax.Array]], depth: int = 0) ->
     @jax.custom_batching.custom_vmap
     def function(*leaves: jax.Array) -> list[jax.Array]:
         batch = leaves[0].shape[leaves[0].ndim - depth :]
-        return run(-1 if _is_short(batch) else 0, *leaves)
+        return run(layout_for(batch), *leaves)
 
     @function.def_vmap
     def rule(size: int, batched: Sequence[bool], *leaves: jax.Array) -> tuple[list[jax.Array], list[bool]]:
@@ -120,13 +115,6 @@ def _with_batches_behind(run: Callable[..., list[jax.Array]], depth: int = 0) ->
         return [jnp.moveaxis(x, -1 - depth, 0) for x in results], [True] * len(results)
 
     return function
-
-
-def _is_short(batch: Sequence[int]) -> bool:
-    """Whether what each device has of a batch is so little that rows are better last."""
-    mesh = jax.sharding.get_abstract_mesh()
-    on_each = math.ceil(math.prod(batch) / (1 if mesh.empty else mesh.size))
-    return on_each <= ROWS_LAST_UP_TO.get(jax.default_backend(), ROWS_LAST_UP_TO["gpu"])
 
 
 def _may_be_one_on_each_device(size: int) -> bool:

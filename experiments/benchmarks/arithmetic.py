@@ -53,14 +53,14 @@ def _main(texts: list[str]) -> int:
     with quiet_imports():
         import jax
 
-        from envs.straight_line import program, straight_line
+        from envs.straight_line import layout, straight_line
         from envs.zones.point_mjx import MjxPoint
     plain = MjxPoint().mujoco_substep
     number = jax.ShapeDtypeStruct((), jax.numpy.float32)
     straight = straight_line(plain, *[number] * 8)
     with explained():
         forms = {"MJX as it is": substep(plain, arguments), "in a straight line": substep(straight, arguments)}
-        with patch.dict(program.ROWS_LAST_UP_TO, dict.fromkeys(program.ROWS_LAST_UP_TO, 0)):
+        with patch.dict(layout.ROWS_LAST_UP_TO, dict.fromkeys(layout.ROWS_LAST_UP_TO, 0)):
             forms["the same, rows before the batch"] = substep(straight, arguments)
         found = {"substep": forms, "gradient_step": gradient_steps()}
     for part, rows in found.items():

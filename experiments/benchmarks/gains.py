@@ -271,11 +271,28 @@ def rows_last(text: str, seeds: int) -> tuple[Form, Form]:
         text: the training.
         seeds: how many.
     """
-    from envs.straight_line import program
+    from envs.straight_line import layout
     from experiments.benchmarks.trainings import training
 
     config = replace(training(text), seeds=str(seeds))
-    with patch.dict(program.ROWS_LAST_UP_TO, dict.fromkeys(program.ROWS_LAST_UP_TO, 0)):
+    with patch.dict(layout.ROWS_LAST_UP_TO, dict.fromkeys(layout.ROWS_LAST_UP_TO, 0)):
+        before = _iteration(config)
+    return before, _iteration(config)
+
+
+def cut_rows(text: str, seeds: int) -> tuple[Form, Form]:
+    """An iteration that combines the rows of MJX's contacts whole, and one that cuts them into parts as a run does, if
+    a GPU has a long batch.
+
+    Args:
+        text: the training.
+        seeds: how many.
+    """
+    from envs.straight_line import layout
+    from experiments.benchmarks.trainings import training
+
+    config = replace(training(text), seeds=str(seeds))
+    with patch.object(layout, "PARTS", 1):
         before = _iteration(config)
     return before, _iteration(config)
 
@@ -356,6 +373,9 @@ ON_GPUS: dict[str, Callable[[], tuple[Form, Form]]] = {
     "graphs_t2tl": partial(graphs, "zone_ppo_long:t2tl", 12),
     "graphs_closed_form": partial(graphs, "zone_ppo_long:t1tl:closed_form", 12),
     "graphs_dqn": partial(graphs, "waterworld_dqn:t1tl", 12),
+    "cut_t1tl": partial(cut_rows, "zone_ppo_long:t1tl", 12),
+    "cut_t2tl": partial(cut_rows, "zone_ppo_long:t2tl", 12),
+    "cut_large": partial(cut_rows, "zone_ppo_long:t1tl:mjx:65536", 1),
 }
 """Likewise; these are steps on NVIDIA GPUs alone."""
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from envs.straight_line.program import ROWS_LAST_UP_TO
+from envs.straight_line.layout import ROWS_LAST_UP_TO
 from experiments.reproduction.page import commit, origin, paragraph, table
 from t2tl_jax.runs.folder import read_json
 

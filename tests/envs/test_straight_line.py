@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from envs.straight_line import layout as layouts
 from envs.straight_line import program, straight_line
 from envs.zones import point_mjx
 from envs.zones.point_mjx import MjxPoint
@@ -44,10 +45,12 @@ def rows(m, v):
     return (jacobian.T * active) @ jacobian, long[7], jnp.square(long).max(), jnp.where(active, long, 1.0)
 
 
-@pytest.fixture(params=[0, math.inf], ids=["rows-first", "rows-last"])
+@pytest.fixture(params=[(0, math.inf), (0, 0), (math.inf, 0)], ids=["rows-first", "cut", "rows-last"])
 def layout(request, monkeypatch):
-    """Both, whatever the device and the batch."""
-    monkeypatch.setitem(program.ROWS_LAST_UP_TO, jax.default_backend(), request.param)
+    """Every one, whatever the device and the batch."""
+    last_up_to, whole_up_to = request.param
+    monkeypatch.setitem(layouts.ROWS_LAST_UP_TO, jax.default_backend(), last_up_to)
+    monkeypatch.setattr(layouts, "ROWS_WHOLE_UP_TO", whole_up_to)
 
 
 @pytest.mark.slow
@@ -68,29 +71,45 @@ def test_numbers_are_those_of_the_function_batched_or_not(function):
     compare(lambda f: jax.vmap(jax.vmap(f), in_axes=(0, None)), m[:1], v[0])
 
 
-def row_shapes(batch):
-    """Shapes of the arrays of forty-eight entries that a batch of `rows` makes, for a result without any."""
+def equations(batch):
+    """What a batch of `rows` is made by, for a result without any of forty-eight entries."""
     same = straight_line(lambda m, v: rows(m, v)[0], MATRIX, VECTOR)
     for _ in batch:
         same = jax.vmap(same)
     traced = jax.make_jaxpr(same)(jnp.ones((*batch, 3, 3)), jnp.ones((*batch, 3)))
     called = [x.params["call"].jaxpr for x in traced.eqns if x.primitive.name == "custom_vmap_call"]
-    inside = [x.aval.shape for jaxpr in (traced.jaxpr, *called) for equation in jaxpr.eqns for x in equation.outvars]
-    return {shape for shape in inside if LONG in shape}
+    return [equation for jaxpr in (traced.jaxpr, *called) for equation in jaxpr.eqns]
+
+
+def row_shapes(batch):
+    """Shapes of the arrays of forty-eight entries that it makes."""
+    shapes = {x.aval.shape for equation in equations(batch) for x in equation.outvars}
+    return {shape for shape in shapes if LONG in shape}
 
 
 def test_rows_are_last_in_a_batch_that_is_short_for_its_device(monkeypatch):
     last, first = {(1, 1, LONG), (2, 5, LONG)}, {(LONG, 1, 1), (LONG, 2, 5)}
     assert row_shapes((2, 5)) == last
     for longest, expected in ((10, last), (9, first)):
-        monkeypatch.setattr(program, "ROWS_LAST_UP_TO", {"gpu": longest})
+        monkeypatch.setattr(layouts, "ROWS_LAST_UP_TO", {"gpu": longest})
         assert row_shapes((2, 5)) == expected
+
+
+def test_rows_before_a_batch_that_is_long_for_its_device_are_summed_up_in_parts(monkeypatch):
+    def summed(longest, whole_up_to):
+        monkeypatch.setattr(layouts, "ROWS_LAST_UP_TO", {"gpu": longest})
+        monkeypatch.setattr(layouts, "ROWS_WHOLE_UP_TO", whole_up_to)
+        return {x.invars[0].aval.shape for x in equations((2, 5)) if x.primitive.name == "reduce_sum"}
+
+    assert summed(9, 9) == {(LONG // 3, 2, 5)}
+    assert summed(9, 10) == {(LONG, 2, 5)}
+    assert summed(10, 9) == {(2, 5, LONG)}
 
 
 def test_a_batch_of_one_is_no_axis(monkeypatch):
     """As that of a training's only seed. Between entries and environments it makes XLA lay the entries of one
     environment side by side in a GPU's memory, where a step of random play took up to 1.6 times as long."""
-    monkeypatch.setattr(program, "ROWS_LAST_UP_TO", {"gpu": 0})
+    monkeypatch.setattr(layouts, "ROWS_LAST_UP_TO", {"gpu": 0})
     assert row_shapes((2, 5)) == {(LONG, 1, 1), (LONG, 2, 5)}
     assert row_shapes((1, 5)) == row_shapes((5, 1)) == row_shapes((5,)) == {(LONG, 1), (LONG, 5)}
 
@@ -99,10 +118,10 @@ ONE_EACH = """
 import itertools
 import jax, jax.numpy as jnp, numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
-from envs.straight_line import program, straight_line
+from envs.straight_line import layout, straight_line
 from tests.envs.test_straight_line import LONG, MATRIX, VECTOR, row_shapes, rows
 
-program.ROWS_LAST_UP_TO = {"gpu": 4}
+layout.ROWS_LAST_UP_TO = {"gpu": 4}
 assert row_shapes((4, 5)) == {(LONG, 1, 1), (LONG, 4, 5)}
 expected = jax.vmap(jax.vmap(rows))
 same = jax.vmap(jax.vmap(straight_line(rows, MATRIX, VECTOR)))
@@ -111,7 +130,7 @@ given = [jnp.asarray(rng.normal(size=(4, 5, *x.shape)), jnp.float32) for x in (M
 for shape, longest in itertools.product(((4, 1), (2, 2)), (4, 5)):  # of five environments on each device
     mesh = Mesh(np.array(jax.devices()).reshape(shape), ("seeds", "envs"), axis_types=(AxisType.Auto,) * 2)
     spread = NamedSharding(mesh, PartitionSpec("seeds"))
-    program.ROWS_LAST_UP_TO = {"gpu": longest}
+    layout.ROWS_LAST_UP_TO = {"gpu": longest}
     batches = [(1,), (20,)] if shape == (4, 1) else [(1, 1), (4, 5)]  # joined if every device has one seed
     with jax.set_mesh(mesh):
         assert row_shapes((4, 5)) == {(*x, LONG) if longest == 5 else (LONG, *x) for x in batches}, (shape, longest)

@@ -1,0 +1,48 @@
+"""How rows lie in memory beside a batch, and how their entries are combined there."""
+
+import math
+from collections.abc import Sequence
+from functools import reduce
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from envs.straight_line.numbers import CALLS
+
+ROWS_LAST_UP_TO = {"cpu": math.inf, "gpu": 4096}
+"""By kind of device the longest batch for which the entries of a row lie together in memory, instead of one number of
+the whole batch: as measured on an H200 and two processors, see docs/performance.md. Other kinds are taken for a GPU."""
+
+ROWS_WHOLE_UP_TO = 8192
+"""The longest batch that rows lie before which are combined whole; before a longer one they are cut into `PARTS`."""
+
+PARTS = 3
+"""Of a row, combined with one another before the rest is reduced. XLA makes fewer kernels of that for a GPU; so many
+were the fastest of those that were tried on an H200, see docs/performance.md."""
+
+
+class Layout(NamedTuple):
+    """How rows lie and are combined."""
+
+    axis: int
+    """Of their entries: before the axes of a batch (0), or behind them (-1)."""
+    parts: int = 1
+    """That they are cut into, if their size allows it."""
+
+
+def layout_for(batch: Sequence[int]) -> Layout:
+    """What is best for what each device has of a batch of that shape."""
+    mesh = jax.sharding.get_abstract_mesh()
+    on_each = math.ceil(math.prod(batch) / (1 if mesh.empty else mesh.size))
+    if on_each <= ROWS_LAST_UP_TO.get(jax.default_backend(), ROWS_LAST_UP_TO["gpu"]):
+        return Layout(axis=-1)
+    return Layout(axis=0, parts=1 if on_each <= ROWS_WHOLE_UP_TO else PARTS)
+
+
+def shortened(row: jax.Array, name: str, layout: Layout) -> jax.Array:
+    """A row whose entries combine to the same by the operation of that name: its parts, combined with one another."""
+    size = row.shape[layout.axis]
+    if layout.parts == 1 or size % layout.parts or size == layout.parts:
+        return row
+    return reduce(CALLS[name], jnp.split(row, layout.parts, layout.axis))
