@@ -92,8 +92,8 @@ and reading programs; but `starts_h200`, `starts_h200_other_host`, `starts_h200_
 and `starts_h100_shared` were measured when only the iteration was kept, and how a run begins was traced
 anew. The aim was set when JAX's compiled programs were all that was there. Starts with kept traces decide
 where there are some; all that are stored are in the second table. On GPUs, those with and without are of
-different hosts and commits. Of those on GPUs only `starts_h200_ends`, `starts_h200_squeezed` and
-`starts_h200_few` have commands that end without Python's last search for garbage, which among what JAX holds
+different hosts and commits. Of those on GPUs only `starts_h200_ends`, `starts_h200_squeezed`,
+`starts_h200_few` and `starts_h200_cut` have commands that end without Python's last search for garbage, which among what JAX holds
 takes a part of a second."""
 
 LAYERS = """Where T1TL's compiling goes is in the next table; no step is most of it. Of the matrix products most are of

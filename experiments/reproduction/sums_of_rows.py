@@ -1,37 +1,80 @@
-"""How the rows of MJX's contacts could be summed up where the batch lies last: a trial, and not how a run has it."""
+"""What it matters how the rows of MJX's contacts are summed up."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from envs.straight_line.layout import PARTS, ROWS_LAST_UP_TO, ROWS_WHOLE_UP_TO
 from experiments.reproduction.page import commit, origin, paragraph, table
 from t2tl_jax.runs.folder import read_json
 
 FILE = "trial_sums_of_rows.json"
-"""Random play in ZoneEnv with MJX in both forms, by turns; and what is compiled for more forms."""
+"""Random play in ZoneEnv with MJX in many forms, by turns; and what is compiled for them."""
+
+FORMS = {
+    "last": "rows behind",
+    "plain": "whole",
+    **{f"r{parts}": f"{parts} parts" for parts in (2, 3, 4, 6, 8, 12, 16)},
+    **{f"s{parts}": f"{parts} parts, one by one" for parts in (4, 6, 12)},
+    "tree": "halves of halves",
+}
+"""What the forms are called on the page, by their names in the script."""
+
+CHOSEN = f"r{PARTS}"
 
 
 def sums_of_rows(results: Path) -> str:
-    """A step in both forms, and kernels and compiling of every form; a sentence where none is stored."""
+    """A step by the form and the batch, whether the program's is the fastest, and kernels; a sentence if not stored."""
     if not (results / FILE).is_file():
         return "Not measured yet."
-    stored, rows = read_json(results / FILE), []
-    for row in stored["rows"]:
-        by_one, by_slices = row["reduction"], row["slices"]
-        spent = f"{row['compile_reduction']:.1f} s", f"{row['compile_slices']:.1f} s"
-        took = f"{by_one:.2f} ms", f"{by_slices:.2f} ms", f"{by_one / by_slices:.2f}"
-        rows.append((f"{row['num_envs']:,}", *took, *spent))
-    heading = ("environments", "a reduction", "slices", "ratio", "compiling, a reduction", "compiling, slices")
+    stored = read_json(results / FILE)
+    measured = sorted((row for run in stored["runs"] for row in run["rows"]), key=lambda row: row["num_envs"])
+    forms = [form for form in FORMS if any(form in row["forms"] for row in measured)]
     made = stored["compiled"]
-    forms = [(of["form"], str(of["kernels"]), f"{of['seconds']:.0f} s") for of in made["forms"]]
-    said = f"""Random play, nothing learned, with the sums over rows (and their largest and least entries) as
-        reductions, and with {stored["slices"]} slices added up, and then their entries one by one. {stored["note"]}"""
     asked = f"""*Kernels* are the fused operations of what the compiler of JAX {made["jax"]} makes of {made["what"]},
         for an {made["device"]}, asked on a machine without one at commit {commit(made)}; its seconds are of
-        {made["on"]}. Where no reduction is named, entries are added one by one in the end."""
+        {made["on"]}."""
     parts = (
-        paragraph(said),
-        table(heading, rows),
-        origin([stored["where"]]),
+        paragraph(f"Random play, nothing learned; milliseconds of a step. {stored['note']}"),
+        table(("environments", *(FORMS[form] for form in forms)), [_times(row, forms) for row in measured]),
+        origin([run["where"] for run in stored["runs"]]),
+        paragraph(_as_chosen(measured)),
         paragraph(asked),
-        table(("form", "kernels", "compiling"), forms),
+        _kernels(made["forms"]),
     )
     return "\n\n".join(parts)
+
+
+def _times(row: Mapping[str, Any], forms: list[str]) -> tuple[str, ...]:
+    times = (row["forms"].get(form) for form in forms)
+    return f"{row['num_envs']:,}", *(f"{time[0]:.2f}" if time else "-" for time in times)
+
+
+def _kernels(made: list[Mapping[str, Any]]) -> str:
+    sizes = sorted({one["num_envs"] for one in made})
+    found = {(one["form"], one["num_envs"]): f"{one['kernels']} ({one['seconds']:.0f} s)" for one in made}
+    rows = [
+        (name, *(found.get((form, size), "-") for size in sizes))
+        for form, name in FORMS.items()
+        if any((form, size) in found for size in sizes)
+    ]
+    return table(("form", *(f"{size:,} environments" for size in sizes)), rows)
+
+
+def _as_chosen(measured: list[Mapping[str, Any]]) -> str:
+    """The rule that the program has, what it gains, and where another form was faster."""
+    gains, better = [], []
+    for row in measured:
+        num_envs, times = row["num_envs"], {form: time[0] for form, time in row["forms"].items()}
+        own = "last" if num_envs <= ROWS_LAST_UP_TO["gpu"] else "plain" if num_envs <= ROWS_WHOLE_UP_TO else CHOSEN
+        if own not in times:
+            continue
+        if own == CHOSEN:
+            gains.append(times["plain"] / times[own])
+        best = min(times, key=lambda form: times[form])
+        if best != own:
+            better.append(f"{FORMS[best]} with {num_envs:,} environments ({times[own] / times[best]:.2f} times as fast)")
+    text = f"""So on a GPU rows are summed up whole for up to {ROWS_WHOLE_UP_TO:,} environments, and in {PARTS} parts for
+        more. A step is {min(gains):.2f} to {max(gains):.2f} times as fast so as with whole rows, where both were tried
+        with more."""
+    return f"{text} Another form was faster, or as fast: {'; '.join(dict.fromkeys(better))}." if better else text

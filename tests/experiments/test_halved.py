@@ -131,13 +131,30 @@ def test_what_is_lost_to_the_second_gpu_is_of_the_newest_commit(tmp_path):
 
 def test_forms_of_sums_are_beside_each_other(tmp_path):
     assert sums_of_rows(tmp_path) == "Not measured yet."
-    row = {"num_envs": 4096, "reduction": 3.0, "slices": 2.0, "compile_reduction": 9.0, "compile_slices": 15.0}
+
+    def row(num_envs, **forms):
+        return {"num_envs": num_envs, "forms": {form: [time, time, time] for form, time in forms.items()}}
+
+    runs = [
+        {"where": WHERE, "rows": [row(65536, plain=4.5, r3=3.0, r4=3.1)]},
+        {"where": WHERE, "rows": [row(4096, last=1.0, plain=1.1), row(8192, plain=1.1, s4=1.0), row(16384, plain=2.0)]},
+        {"where": WHERE, "rows": [row(16384, plain=2.2, r3=2.0, r4=1.6)]},
+    ]
     made = {"jax": "1", "what": "a step", "device": "GPU", "git_revision": "c" * 40, "on": "a machine"}
-    made["forms"] = [{"form": "halves", "kernels": 3, "seconds": 4.4}]
-    trial = {"where": WHERE, "note": "Alone.", "slices": 4, "rows": [row], "compiled": made}
+    made["forms"] = [
+        {"num_envs": 8, "form": "tree", "kernels": 3, "seconds": 4.4},
+        {"num_envs": 9, "form": "plain", "kernels": 5, "seconds": 6.4},
+    ]
+    trial = {"note": "Alone.", "runs": runs, "compiled": made}
     (tmp_path / "trial_sums_of_rows.json").write_text(json.dumps(trial))
-    said = sums_of_rows(tmp_path)
-    assert "| 4,096 | 3.00 ms | 2.00 ms | 1.50 | 9.0 s | 15.0 s |" in said and "| halves | 3 | 4 s |" in said
+    said = " ".join(sums_of_rows(tmp_path).split())
+    assert "| 65,536 | - | 4.50 | 3.00 | 3.10 | - |" in said and "| 8,192 | - | 1.10 | - | - | 1.00 |" in said
+    assert "A step is 1.10 to 1.50 times as fast so as with whole rows" in said
+    assert (
+        "faster, or as fast: 4 parts, one by one with 8,192 environments (1.10 times as fast); "
+        "4 parts with 16,384 environments (1.25 times as fast)." in said
+    )
+    assert "| halves of halves | 3 (4 s) | - |" in said and "| whole | - | 5 (6 s) |" in said
 
 
 def test_kernels_are_counted_before_and_after(tmp_path):
