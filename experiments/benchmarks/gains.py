@@ -281,8 +281,8 @@ def rows_last(text: str, seeds: int) -> tuple[Form, Form]:
 
 
 def cut_rows(text: str, seeds: int) -> tuple[Form, Form]:
-    """An iteration that combines the rows of MJX's contacts whole, and one that cuts them into parts as a run does, if
-    a GPU has a long batch.
+    """An iteration that sums up the rows of MJX's contacts whole, and one that cuts them into parts first, as a run
+    does where a GPU has a long batch.
 
     Args:
         text: the training.

@@ -93,8 +93,8 @@ and `starts_h100_shared` were measured when only the iteration was kept, and how
 anew. The aim was set when JAX's compiled programs were all that was there. Starts with kept traces decide
 where there are some; all that are stored are in the second table. On GPUs, those with and without are of
 different hosts and commits. Of those on GPUs only `starts_h200_ends`, `starts_h200_squeezed`,
-`starts_h200_few` and `starts_h200_cut` have commands that end without Python's last search for garbage, which among what JAX holds
-takes a part of a second."""
+`starts_h200_few` and `starts_h200_cut` have commands that end without Python's last search for garbage, which
+among what JAX holds takes a part of a second."""
 
 LAYERS = """Where T1TL's compiling goes is in the next table; no step is most of it. Of the matrix products most are of
 the task's Transformer, whose four layers are written out. What T2TL compiles beyond that was not taken apart; it has a

@@ -95,15 +95,21 @@ def test_rows_are_last_in_a_batch_that_is_short_for_its_device(monkeypatch):
         assert row_shapes((2, 5)) == expected
 
 
-def test_rows_before_a_batch_that_is_long_for_its_device_are_summed_up_in_parts(monkeypatch):
+def test_rows_before_a_batch_that_is_long_for_its_device_are_cut_into_parts(monkeypatch):
     def summed(longest, whole_up_to):
         monkeypatch.setattr(layouts, "ROWS_LAST_UP_TO", {"gpu": longest})
         monkeypatch.setattr(layouts, "ROWS_WHOLE_UP_TO", whole_up_to)
         return {x.invars[0].aval.shape for x in equations((2, 5)) if x.primitive.name == "reduce_sum"}
 
-    assert summed(9, 9) == {(LONG // 3, 2, 5)}
+    assert summed(9, 9) == {(LONG // layouts.PARTS, 2, 5)}
     assert summed(9, 10) == {(LONG, 2, 5)}
     assert summed(10, 9) == {(2, 5, LONG)}
+
+
+@pytest.mark.parametrize("size", [3, 4])
+def test_rows_that_parts_do_not_shorten_are_left_whole(size):
+    row = jnp.arange(size)
+    assert layouts.shortened(row, "add", layouts.Layout(axis=0, parts=3)) is row
 
 
 def test_a_batch_of_one_is_no_axis(monkeypatch):
@@ -134,6 +140,9 @@ for shape, longest in itertools.product(((4, 1), (2, 2)), (4, 5)):  # of five en
     batches = [(1,), (20,)] if shape == (4, 1) else [(1, 1), (4, 5)]  # joined if every device has one seed
     with jax.set_mesh(mesh):
         assert row_shapes((4, 5)) == {(*x, LONG) if longest == 5 else (LONG, *x) for x in batches}, (shape, longest)
+        for whole_up_to, parts in ((5, 1), (4, layout.PARTS)):
+            layout.ROWS_WHOLE_UP_TO = whole_up_to
+            assert longest == 5 or layout.layout_for((4, 5)).parts == parts
         compiled = jax.jit(same, in_shardings=spread, out_shardings=spread).lower(*given).compile()
     text = compiled.as_text()
     assert not any(word in text for word in ("all-gather", "all-reduce", "all-to-all", "collective-permute")), shape

@@ -149,11 +149,9 @@ def test_forms_of_sums_are_beside_each_other(tmp_path):
     (tmp_path / "trial_sums_of_rows.json").write_text(json.dumps(trial))
     said = " ".join(sums_of_rows(tmp_path).split())
     assert "| 65,536 | - | 4.50 | 3.00 | 3.10 | - |" in said and "| 8,192 | - | 1.10 | - | - | 1.00 |" in said
-    assert "A step is 1.10 to 1.50 times as fast so as with whole rows" in said
-    assert (
-        "faster, or as fast: 4 parts, one by one with 8,192 environments (1.10 times as fast); "
-        "4 parts with 16,384 environments (1.25 times as fast)." in said
-    )
+    assert "makes a step of these 1.10 to 1.50 times as fast" in said and "with more environments than 65,536" in said
+    assert "differ by up to 1.10 times in the same form" in said  # as much as another form is faster by with 8,192
+    assert "in 1 of 4 sizes: 4 parts with 16,384 environments (1.25 times as fast). Nothing" in said
     assert "| halves of halves | 3 (4 s) | - |" in said and "| whole | - | 5 (6 s) |" in said
 
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
+from envs.straight_line import layout
 from experiments.benchmarks import gains as gains_benchmark
 from experiments.benchmarks import json_file
 from experiments.benchmarks import profiles as benchmark
@@ -176,6 +177,13 @@ def test_both_forms_of_graphs_are_compiled_with_their_own_options(monkeypatch):
     monkeypatch.setattr(program, "compiler_options", lambda: {"those of": "a GPU"})
     gains_benchmark.ON_GPUS["graphs_dqn"]()
     assert given == [{}, {"those of": "a GPU"}]
+
+
+def test_rows_are_cut_in_one_of_both_forms(monkeypatch):
+    given = []
+    monkeypatch.setattr(gains_benchmark, "_iteration", lambda config: given.append(layout.PARTS))
+    gains_benchmark.ON_GPUS["cut_t1tl"]()
+    assert given == [1, layout.PARTS] and layout.PARTS > 1
 
 
 def test_every_configuration_is_profiled_or_like_one_that_is():
