@@ -57,7 +57,7 @@ def _as_chosen(machines: Any) -> str:
             if (row["rows_first"] > row["rows_last"]) != (_together(row) <= longest):
                 wrong.append(f"{_together(row):,}")
     text = f"""So rows lie behind a batch on a processor, and on every GPU behind one of up to
-        {ROWS_LAST_UP_TO["gpu"]:,} environments. Before the batch they were summed up whole, [as longer batches no longer
+        {ROWS_LAST_UP_TO["gpu"]:,} environments. Before the batch they were summed up whole, [as longer ones no longer
         have it](#sums-of-rows-in-long-batches); more sizes are there. Nothing was measured on other GPUs."""
     if wrong:
         return f"{text} That is not the faster form of {', '.join(wrong)} environments."

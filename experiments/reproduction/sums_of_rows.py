@@ -42,6 +42,9 @@ def sums_of_rows(results: Path) -> str:
         paragraph(_as_chosen(measured)),
         paragraph(asked),
         _kernels(made["forms"]),
+        paragraph(f"""Whole iterations, asked at commit {commit(stored["iterations"]["where"])}: seconds of compiling,
+            in the order in which they were compiled in one process."""),
+        _iterations(stored["iterations"]["rows"]),
     )
     return "\n\n".join(parts)
 
@@ -60,6 +63,21 @@ def _kernels(made: list[Mapping[str, Any]]) -> str:
         if any((form, size) in found for size in sizes)
     ]
     return table(("form", *(f"{size:,} environments" for size in sizes)), rows)
+
+
+def _iterations(rows: list[Mapping[str, Any]]) -> str:
+    """Of each training with whole rows and with parts."""
+    spent: dict[tuple[str, int, int], list[str]] = {}
+    kernels = {}
+    for row in rows:
+        key = row["what"], row["seeds"], row["parts"]
+        spent.setdefault(key, []).append(f"{row['seconds']:.0f} s")
+        kernels[key] = str(row["kernels"])
+    cells = [
+        (what, str(seeds), FORMS["plain" if parts == 1 else f"r{parts}"], kernels[what, seeds, parts], ", ".join(times))
+        for (what, seeds, parts), times in spent.items()
+    ]
+    return table(("training", "seeds", "form", "kernels", "compiling"), cells)
 
 
 def _as_chosen(measured: list[Mapping[str, Any]]) -> str:
@@ -81,13 +99,13 @@ def _as_chosen(measured: list[Mapping[str, Any]]) -> str:
         ratio = mean[_own(num_envs)] / mean[best]
         if ratio > apart:
             faster.append(f"{FORMS[best]} with {num_envs:,} environments ({ratio:.2f} times as fast)")
+    which = f": {'; '.join(faster)}" if faster else ""
     return f"""So on a GPU rows that lie before a batch are summed up whole for up to {ROWS_WHOLE_UP_TO:,} environments,
         and in {PARTS} parts for more. That makes a step of these {min(gains):.2f} to {max(gains):.2f} times as fast as
-        whole rows do in the same process. Two processes differ by up to {apart:.2f} times in the same form; another form than
-        the program's was faster by more in {len(faster)} of {len(times)} sizes{": " * bool(faster)}{"; ".join(faster)}.
-        Nothing was measured with more environments than {max(times):,}, with an axis of seeds, or on other GPUs. The
-        script puts forms into the program of the commit above, so that the code of the form that was taken was not
-        timed by it."""
+        whole rows do in the same process. Two processes differ by up to {apart:.2f} times in the same form; another
+        form than the program's was faster by more in {len(faster)} of {len(times)} sizes{which}. Nothing was measured
+        with more environments than {max(times):,}, with an axis of seeds, or on other GPUs. The script puts forms into
+        the program of the commit above, so that the code of the form that was taken was not timed by it."""
 
 
 def _own(num_envs: int) -> str:

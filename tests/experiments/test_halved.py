@@ -145,13 +145,18 @@ def test_forms_of_sums_are_beside_each_other(tmp_path):
         {"num_envs": 8, "form": "tree", "kernels": 3, "seconds": 4.4},
         {"num_envs": 9, "form": "plain", "kernels": 5, "seconds": 6.4},
     ]
-    trial = {"note": "Alone.", "runs": runs, "compiled": made}
+    whole = [
+        {"what": "x", "seeds": 12, "parts": parts, "seconds": seconds, "kernels": 9 - parts}
+        for parts, seconds in ((1, 7), (3, 8), (1, 9))
+    ]
+    trial = {"note": "Alone.", "runs": runs, "compiled": made, "iterations": {"where": WHERE, "rows": whole}}
     (tmp_path / "trial_sums_of_rows.json").write_text(json.dumps(trial))
     said = " ".join(sums_of_rows(tmp_path).split())
     assert "| 65,536 | - | 4.50 | 3.00 | 3.10 | - |" in said and "| 8,192 | - | 1.10 | - | - | 1.00 |" in said
     assert "makes a step of these 1.10 to 1.50 times as fast" in said and "with more environments than 65,536" in said
     assert "differ by up to 1.10 times in the same form" in said  # as much as another form is faster by with 8,192
     assert "in 1 of 4 sizes: 4 parts with 16,384 environments (1.25 times as fast). Nothing" in said
+    assert "| x | 12 | whole | 8 | 7 s, 9 s |" in said and "| x | 12 | 3 parts | 6 | 8 s |" in said
     assert "| halves of halves | 3 (4 s) | - |" in said and "| whole | - | 5 (6 s) |" in said
 
 
