@@ -35,7 +35,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # Read by XLA when the first program compiles. Who asks for other flags gets them.
     os.environ["XLA_FLAGS"] = " ".join((*LITTLE_WORK, os.environ.get("XLA_FLAGS", "")))
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
     os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
     if FOLDER not in os.environ:
         cache = tempfile.TemporaryDirectory(prefix="t2tl_jax_tests_", ignore_cleanup_errors=True)
@@ -43,7 +43,7 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(cache.cleanup)
         config.add_cleanup(lambda: os.environ.pop(FOLDER))
     jax.config.update("jax_compilation_cache_dir", os.environ[FOLDER])
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 

@@ -55,7 +55,7 @@ def _main(texts: list[str]) -> int:
 
         from envs.straight_line import layout, straight_line
         from envs.zones.point_mjx import MjxPoint
-    plain = MjxPoint().mujoco_substep
+    plain = jax.jit(MjxPoint().mujoco_substep)  # traced once for all that follows
     number = jax.ShapeDtypeStruct((), jax.numpy.float32)
     straight = straight_line(plain, *[number] * 8)
     with explained():
