@@ -56,9 +56,8 @@ def _as_chosen(machines: Any) -> str:
         for row in machine["rows"]:
             if (row["rows_first"] > row["rows_last"]) != (_together(row) <= longest):
                 wrong.append(f"{_together(row):,}")
-    text = f"""So rows lie behind a batch on a processor, and on every GPU behind one of up to
-        {ROWS_LAST_UP_TO["gpu"]:,} environments. Before the batch they were summed up whole, [as longer ones no longer
-        have it](#sums-of-rows-in-long-batches); more sizes are there. Nothing was measured on other GPUs."""
-    if wrong:
-        return f"{text} That is not the faster form of {', '.join(wrong)} environments."
-    return f"{text} That is the faster form in every row."
+    faster = f"not the faster form of {', '.join(wrong)} environments" if wrong else "the faster form in every row"
+    return f"""So rows lie behind a batch on a processor, and on every GPU behind one of up to
+        {ROWS_LAST_UP_TO["gpu"]:,} environments. That is {faster}. Rows before the batch were summed up whole here; in
+        long batches [they no longer are](#sums-of-rows-in-long-batches), and more sizes are there. Nothing was measured
+        on other GPUs."""

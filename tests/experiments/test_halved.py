@@ -154,8 +154,11 @@ def test_forms_of_sums_are_beside_each_other(tmp_path):
     said = " ".join(sums_of_rows(tmp_path).split())
     assert "| 65,536 | - | 4.50 | 3.00 | 3.10 | - |" in said and "| 8,192 | - | 1.10 | - | - | 1.00 |" in said
     assert "makes a step of these 1.10 to 1.50 times as fast" in said and "with more environments than 65,536" in said
-    assert "differ by up to 1.10 times in the same form" in said  # as much as another form is faster by with 8,192
-    assert "in 1 of 4 sizes: 4 parts with 16,384 environments (1.25 times as fast). Nothing" in said
+    assert "up to 1.10 times as long as each other for the same form and size" in said
+    assert (
+        "in 2 of 4 sizes, where the fastest was 4 parts, one by one with 8,192 environments (1.10 times as fast); "
+        "4 parts with 16,384 environments (1.25 times as fast)." in said
+    )
     assert "| x | 12 | whole | 8 | 7 s, 9 s |" in said and "| x | 12 | 3 parts | 6 | 8 s |" in said
     assert "| halves of halves | 3 (4 s) | - |" in said and "| whole | - | 5 (6 s) |" in said
 
