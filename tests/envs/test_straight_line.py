@@ -45,18 +45,22 @@ def rows(m, v):
     return (jacobian.T * active) @ jacobian, long[7], jnp.square(long).max(), jnp.where(active, long, 1.0)
 
 
-@pytest.fixture(params=[(0, math.inf), (0, 0), (math.inf, 0)], ids=["rows-first", "cut", "rows-last"])
-def layout(request, monkeypatch):
-    """Every one, whatever the device and the batch."""
-    last_up_to, whole_up_to = request.param
+LAYOUTS = {"rows-first": (0, math.inf), "cut": (0, 0), "rows-last": (math.inf, 0)}
+"""Up to how many environments rows are last, and up to how many they are whole before a batch."""
+
+
+def use_layout(monkeypatch, name):
+    """Whatever the device and the batch."""
+    last_up_to, whole_up_to = LAYOUTS[name]
     monkeypatch.setitem(layouts.ROWS_LAST_UP_TO, jax.default_backend(), last_up_to)
     monkeypatch.setattr(layouts, "ROWS_WHOLE_UP_TO", whole_up_to)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("function", [moved, factored, chosen, rows], ids=lambda function: function.__name__)
-@pytest.mark.usefixtures("layout")
-def test_numbers_are_those_of_the_function_batched_or_not(function):
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_numbers_are_those_of_the_function_batched_or_not(function, layout, monkeypatch):
+    use_layout(monkeypatch, layout)
     same, rng = straight_line(function, MATRIX, VECTOR), np.random.default_rng(0)
     m, v = (jnp.asarray(rng.normal(size=(4, 2, *x.shape)), jnp.float32) for x in (MATRIX, VECTOR))
 
@@ -201,16 +205,17 @@ def test_a_program_for_several_devices_holds_the_same_arithmetic():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("layout")
-def test_mujoco_in_a_straight_line_moves_the_robot_as_mjx_does():
+def test_mujoco_in_a_straight_line_moves_the_robot_as_mjx_does_whatever_the_layout(monkeypatch):
     point, rng, count = MjxPoint(), np.random.default_rng(0), 512
     limits = np.array([2.45, 2.45, 4.0, 1.0, 1.0, 5.0, 1.0, 1.0])  # many of them in a wall
     given = jnp.asarray(rng.uniform(-limits, limits, (count, 8)).T, jnp.float32)
-    straight, plain = (jax.jit(jax.vmap(f))(*given) for f in (point._substep, point.mujoco_substep))
-    plain = np.stack(plain)
+    plain = np.stack(jax.jit(jax.vmap(point.mujoco_substep))(*given))
     scale = np.abs(plain).max(axis=1, keepdims=True)
     assert (np.abs(plain[6:8]).max(axis=1) > 100).all()  # some of them are pushed back
-    np.testing.assert_allclose(np.stack(straight) / scale, plain / scale, atol=1e-5)
+    for layout in LAYOUTS:
+        use_layout(monkeypatch, layout)
+        straight = jax.jit(jax.vmap(lambda *numbers: point._substep(*numbers)))(*given)
+        np.testing.assert_allclose(np.stack(straight) / scale, plain / scale, atol=1e-5, err_msg=layout)
 
     before, after = (operations(f, *given[:, 0]).total() for f in (point.mujoco_substep, point._substep))
     assert after < 0.5 * before
