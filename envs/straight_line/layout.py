@@ -33,7 +33,7 @@ class Layout(NamedTuple):
 
 
 def layout_for(batch: Sequence[int]) -> Layout:
-    """What is best for what each device has of a batch of that shape."""
+    """What is best for what each device of the mesh, if there is one, has of a batch of that shape."""
     mesh = jax.sharding.get_abstract_mesh()
     on_each = math.ceil(math.prod(batch) / (1 if mesh.empty else mesh.size))
     if on_each <= ROWS_LAST_UP_TO.get(jax.default_backend(), ROWS_LAST_UP_TO["gpu"]):
@@ -42,7 +42,16 @@ def layout_for(batch: Sequence[int]) -> Layout:
 
 
 def shortened(row: jax.Array, name: str, layout: Layout) -> jax.Array:
-    """A row whose entries combine to the same, but for rounding, by the operation of that name: its parts combined."""
+    """A row whose entries combine to the same, but for rounding: the parts of a row combined with one another.
+
+    Args:
+        row: `[size, ...]`, or `[..., size]` where entries lie behind the batch.
+        name: of the operation, one of `CALLS`.
+        layout: with the number of parts. A row stays whole if these do not divide its size, or are as many as entries.
+
+    Returns:
+        The same shape with ``size / parts`` in place of the size.
+    """
     size = row.shape[layout.axis]
     if layout.parts == 1 or size % layout.parts or size == layout.parts:
         return row

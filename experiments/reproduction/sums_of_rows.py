@@ -46,7 +46,8 @@ def sums_of_rows(results: Path) -> str:
         paragraph(asked),
         _kernels(made["forms"]),
         paragraph(f"""Whole iterations, asked at commit {commit(stored["iterations"]["where"])}: seconds of compiling
-            on two cores, without tracing, in one process: once with whole rows first, and once with parts first."""),
+            on two cores, beside small work at times, in one process: once with whole rows first, and once with parts
+            first. Tracing does not count."""),
         _iterations(stored["iterations"]["rows"]),
     )
     return "\n\n".join(parts)
@@ -95,6 +96,10 @@ def _as_chosen(measured: list[Mapping[str, Any]]) -> str:
         for row in measured
         if row["num_envs"] > ROWS_WHOLE_UP_TO and {"plain", CHOSEN} <= set(row["forms"])
     ]
+    if not gains:
+        raise ValueError(
+            f"{FILE}: rows in {PARTS} parts were not timed beside whole ones, so nothing says why to cut them"
+        )
     faster = []
     for num_envs, forms in times.items():
         mean = {form: fmean(of) for form, of in forms.items()}

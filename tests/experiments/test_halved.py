@@ -163,6 +163,14 @@ def test_forms_of_sums_are_beside_each_other(tmp_path):
     assert "| halves of halves | 3 (4 s) | - |" in said and "| whole | - | 5 (6 s) |" in said
 
 
+def test_parts_that_were_not_timed_are_refused(tmp_path):
+    trial = {"note": "", "runs": [{"where": WHERE, "rows": [{"num_envs": 65536, "forms": {"plain": [4.5, 4.4, 4.6]}}]}]}
+    made = {"jax": "1", "what": "a step", "device": "GPU", "git_revision": "c" * 40, "on": "a machine", "forms": []}
+    (tmp_path / "trial_sums_of_rows.json").write_text(json.dumps(trial | {"compiled": made}))
+    with pytest.raises(ValueError, match="parts were not timed beside whole ones"):
+        sums_of_rows(tmp_path)
+
+
 def test_kernels_are_counted_before_and_after(tmp_path):
     assert few_kernels(tmp_path) == "Not measured yet."
 
