@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -35,6 +35,9 @@ def command(arguments: list[str], prefix: str = "", module: str = "experiments.r
     rest, given = hosts.read(arguments)
     # Imported here, where Ctrl-C is caught: loading JAX and MuJoCo takes seconds.
     with quiet_imports():
+        from experiments.cli import early_gpu
+
+        wait_for_gpu = early_gpu.begin_for(rest, alone=given is None)
         from experiments.cli import request
 
     asked = request.read(rest, prefix)
@@ -43,10 +46,10 @@ def command(arguments: list[str], prefix: str = "", module: str = "experiments.r
         return 0
     config, name = request.configuration(asked, prefix, f"python -m {module}")
     with hosts.joined(given):  # not before, since --help and mistakes need no other host
-        return _run(config, name, asked, ["python", "-m", module, *arguments])
+        return _run(config, name, asked, ["python", "-m", module, *arguments], wait_for_gpu)
 
 
-def _run(config: Any, name: str, asked: Any, words: list[str]) -> int:
+def _run(config: Any, name: str, asked: Any, words: list[str], wait_for_gpu: Callable[[], Any]) -> int:
     from experiments.cli import compilation_cache, cpu_devices
 
     compilation_cache.use(config.run.compilation_cache)
@@ -56,6 +59,7 @@ def _run(config: Any, name: str, asked: Any, words: list[str]) -> int:
     from t2tl_jax.runs.interrupts import Interrupted, StopRequest
     from t2tl_jax.training import hosts as processes
 
+    wait_for_gpu()
     path = asked.resume or Path(processes.of_first(str(folder.new_path(Path(config.run.folder), name))))
     with StopRequest() as stop:
         try:

@@ -55,15 +55,20 @@ def _main(texts: list[str]) -> int:
     if HELP & set(texts):
         print(DESCRIPTION)
         return 0
-    plan = read(texts)
     with quiet_imports():
-        from experiments.cli import compilation_cache, cpu_devices
+        from experiments.cli import early_gpu
+
+        wait_for_gpu = early_gpu.begin_for(texts)
+    plan = read(texts)
+    from experiments.cli import compilation_cache, cpu_devices
+
     compilation_cache.use(plan.config.run.compilation_cache)
     cpu_devices.use()
     from experiments.sweeps import searching
     from experiments.sweeps.work import Work
     from t2tl_jax.runs.interrupts import Interrupted, StopRequest
 
+    wait_for_gpu()
     with StopRequest() as stop:
         work = Work(plan.base, stop, plan.words, STARTED, plan.only, plan.cluster)
         try:

@@ -302,6 +302,11 @@ def plugins_of_others() -> bool:
     return not all(value.partition(".")[0] in PROJECT for value in _loaded)
 
 
+def others_declare_plugins() -> bool:
+    """Whether packages other than this project's declare plugins, which will be loaded sooner or later."""
+    return not all(plugin.value.partition(".")[0] in PROJECT for plugin in _plugins(tuple(sys.path)))
+
+
 @cache
 def _plugins(path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
     """What packages on this path declare, read once: there may be hundreds of packages."""

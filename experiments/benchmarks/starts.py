@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -58,11 +58,14 @@ def _main(texts: list[str]) -> int:
     arguments = parse(Arguments, texts, prog="python -m experiments.benchmarks.starts", description=__doc__)
     json_file.check(arguments.json)
     with quiet_imports():
+        from experiments.cli import early_gpu
+
+        wait_for_gpu = early_gpu.begin() if arguments.here else None
         from experiments.benchmarks.trainings import training
     with explained():
         configs = {text: replace(training(text), seeds=str(arguments.seeds)) for text in arguments.trainings}
-    if arguments.here:
-        print(json.dumps(start(configs[arguments.trainings[0]], arguments.traces)))
+    if wait_for_gpu is not None:
+        print(json.dumps(start(configs[arguments.trainings[0]], arguments.traces, wait_for_gpu)))
         return 0
     found: dict[str, dict[str, Any]] = {}
     for text in configs:
@@ -106,9 +109,10 @@ def in_a_process(text: str, arguments: Arguments, folder: str) -> dict[str, floa
     return told | {"process": took}
 
 
-def start(config: Any, traces: bool) -> dict[str, float]:
-    """Build, compile and run one iteration of a training, as a run does; seconds since this module was loaded until it
-    was traced (``traced``), of compiling, and until the iteration was done (``done``)."""
+def start(config: Any, traces: bool, wait_for_gpu: Callable[[], Any]) -> dict[str, float]:
+    """Build, compile and run one iteration of a training, as a run does, with what `early_gpu.begin` gave; seconds
+    since this module was loaded until it was traced (``traced``), of compiling, and until the iteration was done
+    (``done``)."""
     import jax
 
     from experiments.cli import compilation_cache
@@ -117,6 +121,7 @@ def start(config: Any, traces: bool) -> dict[str, float]:
 
     if traces:
         compilation_cache.use(config.run.compilation_cache)
+    wait_for_gpu()
     program = build(config).program
     traced = time.perf_counter() - STARTED
     compiled = Compilation(program, fresh=True).result()
