@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from t2tl_jax.garbage import garbage_kept
+
 XLA_LOG_LEVEL = "TF_CPP_MIN_LOG_LEVEL"
 """Read by XLA when it is loaded; 3 leaves what ends the process. Errors of a program are exceptions in any case."""
 
@@ -30,12 +32,12 @@ LEFT_LOOP = "Event loop is closed"
 def quiet_imports() -> Iterator[None]:
     """Drop those lines inside the block, which is the first to load JAX; whatever else is printed appears at its end.
 
-    Who chose a level of XLA's messages keeps it.
+    Who chose a level of XLA's messages keeps it. Python looks for no garbage meanwhile, which saves some of the time.
     """
     os.environ.setdefault(XLA_LOG_LEVEL, "3")
     heard = io.StringIO()
     try:
-        with contextlib.redirect_stdout(heard):
+        with contextlib.redirect_stdout(heard), garbage_kept():
             yield
     finally:
         for line in heard.getvalue().splitlines():

@@ -1,9 +1,6 @@
 """Formulas that are played as soon as they are typed: compiled programs that wait for the next one."""
 
-import gc
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import jax
@@ -12,6 +9,7 @@ import numpy as np
 
 from t2tl_jax.errors import UserError, check_type, explained
 from t2tl_jax.evaluation.animation import Recording, recorder
+from t2tl_jax.garbage import garbage_kept
 from t2tl_jax.ltl import LTLSyntaxError, TaskTable, resolve_tasks
 from t2tl_jax.runs.any_task import check_reads_formulas, compile_formulas
 from t2tl_jax.runs.evaluations import Which
@@ -102,7 +100,7 @@ class Prompt:
         Raises:
             UserError: for a formula with mistakes, in one line.
         """
-        with _garbage_kept():
+        with garbage_kept():  # to look for it takes many times longer than a formula does
             started = time.perf_counter()
             table = self._compiled(task)
             compiled = time.perf_counter()
@@ -128,19 +126,6 @@ class Prompt:
         except ValueError as error:
             raise UserError(str(error).splitlines()[0]) from error  # below it a caret shows the place
         return table
-
-
-@contextmanager
-def _garbage_kept() -> Iterator[None]:
-    """Collect no garbage meanwhile: to look through all objects takes many times longer than a formula does. What was
-    put off is done after the first action."""
-    collected = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collected:
-            gc.enable()
 
 
 def _reads_rows_alone(agent: Agent, params: Params, table: TaskTable) -> bool:

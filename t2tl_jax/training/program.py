@@ -11,6 +11,7 @@ import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec
 
 from t2tl_jax.env import EnvParams, Purpose
+from t2tl_jax.garbage import garbage_kept
 from t2tl_jax.task_env import TaskEnv, TaskParams
 from t2tl_jax.training import kept_trace
 from t2tl_jax.training.compiler_options import compiler_options
@@ -110,6 +111,7 @@ def place_params(env_params: TaskParams, sharding: NamedSharding | None) -> Task
     )
 
 
+@garbage_kept()
 def trace(
     agent: Agent,
     seeds: Sequence[int],

@@ -1,6 +1,7 @@
 """Seeds: reading them from text, deriving independent key streams."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import jax
 import numpy as np
@@ -41,4 +42,10 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 def stream_keys(seeds: Sequence[int], stream: int) -> jax.Array:
     """One typed key per seed, ``key[len(seeds)]``, for one of the streams named above."""
-    return jax.vmap(lambda seed: jax.random.fold_in(jax.random.key(seed), stream))(np.asarray(seeds, np.uint32))
+    return _keys(np.asarray(seeds, np.uint32), stream)
+
+
+@jax.jit  # one small program instead of one for each operation, which every start would compile
+@partial(jax.vmap, in_axes=(0, None))
+def _keys(seed: jax.Array, stream: jax.Array) -> jax.Array:
+    return jax.random.fold_in(jax.random.key(seed), stream)

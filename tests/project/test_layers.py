@@ -18,7 +18,8 @@ LTL_BASICS = {
 }
 # What every part may import: these know nothing of the others.
 FOR_EVERYONE = {
-    f"t2tl_jax.{name}" for name in ("checks", "names", "old_names", "errors", "flags", "loaded", "quiet", "registry")
+    f"t2tl_jax.{name}"
+    for name in ("checks", "names", "old_names", "errors", "flags", "garbage", "loaded", "quiet", "registry")
 }
 # What an environment needs of the library: its interface. It knows no temporal logic.
 INTERFACE = {"t2tl_jax.env", "t2tl_jax.objects", "t2tl_jax.view"}
