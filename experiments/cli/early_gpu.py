@@ -41,7 +41,13 @@ def begin() -> Callable[[], Any]:
     import jax
     import numpy as np
 
+    from t2tl_jax.training.compiler_options import compiler_options
+
+    def make_ready() -> None:
+        jax.device_put(np.zeros(1)).block_until_ready()
+        compiler_options()  # tries which of them its compiler knows, and remembers
+
     one = ThreadPoolExecutor(max_workers=1, thread_name_prefix="early GPU")
-    ready = one.submit(lambda: jax.device_put(np.zeros(1)).block_until_ready())
+    ready = one.submit(make_ready)
     one.shutdown(wait=False)
     return ready.result

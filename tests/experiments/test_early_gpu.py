@@ -8,6 +8,7 @@ import pytest
 from experiments import run, sweep
 from experiments.cli import early_gpu
 from t2tl_jax import registry
+from t2tl_jax.training import compiler_options
 
 
 @pytest.fixture
@@ -39,8 +40,12 @@ def declare(monkeypatch, value):
     monkeypatch.setattr(registry, "_plugins", lambda path: (plugin,))
 
 
-def test_the_gpu_is_ready_when_it_was_waited_for():
-    assert early_gpu.begin()().is_ready()
+def test_what_was_waited_for_is_done(monkeypatch):
+    done = []
+    monkeypatch.setattr(jax, "device_put", lambda x: done.append("put") or jax.numpy.asarray(x))
+    monkeypatch.setattr(compiler_options, "compiler_options", lambda: done.append("options"))
+    early_gpu.begin()()
+    assert done == ["put", "options"]
 
 
 @pytest.mark.usefixtures("broken")

@@ -104,14 +104,23 @@ def test_a_changed_source_or_setting_has_another(config, kept, tmp_path, monkeyp
             found.append(file_of(config))
     kept_traces._installed.cache_clear()
     assert len({before, *found}) == 3 and file_of(config) == before
-    with monkeypatch.context() as patch:
-        patch.setattr(kept_traces.metadata, "distributions", lambda: [])
-        kept_traces._installed.cache_clear()
-        assert file_of(config) != before
     kept_traces._installed.cache_clear()
     with jax.default_matmul_precision("highest"):
         assert file_of(config) != before
     assert file_of(config) == before
+
+
+def test_another_package_or_version_has_another(config, kept, tmp_path, monkeypatch):
+    found = [file_of(config)]
+    for record in ("some_package-1.0.dist-info", "some_package-1.1.dist-info", "other-2.0-py3.11.egg-info"):
+        place = tmp_path / record
+        (place / record).mkdir(parents=True)
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(place)
+            kept_traces._installed.cache_clear()
+            found.append(file_of(config))
+    kept_traces._installed.cache_clear()
+    assert len(set(found)) == 4 and file_of(config) == found[0]
 
 
 def test_a_source_that_changed_since_it_was_imported_keeps_nothing(config, kept, tmp_path, monkeypatch):
