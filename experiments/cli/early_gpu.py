@@ -1,7 +1,7 @@
 """Make the GPU ready while Python's modules load, which takes longer. Only entry points do this, never the library.
 
-JAX takes half a second to find an H200, and two more for the first array that it puts there: only then does it set
-aside the memory of the GPU. Neither keeps Python from other work.
+JAX takes half a second to find an H200, and two more for the first array that it puts there, probably since only then
+it sets aside the memory of the GPU. Neither keeps Python from other work; what that saves says docs/performance.md.
 """
 
 from collections.abc import Callable, Sequence

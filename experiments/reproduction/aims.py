@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.benchmarks import measured
+from experiments.reproduction import start_trials
 from experiments.reproduction.page import origin, paragraph, table
 from experiments.reproduction.scaling import in_time
 from t2tl_jax.runs.folder import read_json
@@ -71,10 +72,6 @@ KEPT = "kept traces"
 """Whether a start found, or left, traced programs on disk beside the compiled ones."""
 HOST = "processor"
 """The kind of CPU of the machine of a start."""
-EARLY = ("trial_early_start.json", "trial_early_start_shared.json", "starts_h100_four.json")
-"""Of the same: with and without a GPU that is started while modules load, by turns; with it; and without it."""
-SMALL = ("trial_small_programs.json", "starts_h200_kept_shared.json")
-"""Of the same: with programs kept however short they took to compile, and as JAX keeps them."""
 STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 """Of `experiments.benchmarks.starts`, among the results; and of the same and a benchmark under
 ``XLA_FLAGS=--xla_gpu_enable_triton_gemm=false``."""
@@ -93,8 +90,10 @@ and `starts_h100_shared` were measured when only the iteration was kept, and how
 anew. The aim was set when JAX's compiled programs were all that was there. Starts with kept traces decide
 where there are some; all that are stored are in the second table. On GPUs, those with and without are of
 different hosts and commits. Of those on GPUs only `starts_h200_ends`, `starts_h200_squeezed`,
-`starts_h200_few` and `starts_h200_cut` have commands that end without Python's last search for garbage, which
-among what JAX holds takes a part of a second."""
+`starts_h200_few`, `starts_h200_cut` and those that are newer have commands that end without Python's last
+search for garbage, which among what JAX holds takes a part of a second. Newer ones are `starts_h200_early`, by
+the commit that makes the GPU ready while modules load, `starts_h200_early_uncollected`, which also looks for no
+garbage meanwhile and while a training is traced, and `starts_h200_ready`."""
 
 LAYERS = """Where T1TL's compiling goes is in the next table; no step is most of it. Of the matrix products most are of
 the task's Transformer, whose four layers are written out. What T2TL compiles beyond that was not taken apart; it has a
@@ -121,7 +120,8 @@ def aims(results: Path) -> str:
     parts = (
         shown,
         _both_starts(begun),
-        *map(paragraph, (*notes, *starts, *_early(results), *_small(results))),
+        *map(paragraph, (*notes, *starts)),
+        *start_trials.trials(results),
         paragraph(" ".join((LAYERS, _without_triton(results, begun)))),
     )
     return "\n\n".join(parts)
@@ -141,47 +141,6 @@ def _both_starts(begun: Mapping["Key", Sequence["Starts"]]) -> str:
             seconds = [", ".join(f"{pair[which]['process']:.1f}" for pair in some) for which in ("first", "second")]
             rows.append((f"`{what}`", size, where, kept, *(f"{s} s" for s in seconds)))
     return table(("what", "size", "hardware", "traces", "first start", "second start"), rows) if rows else ""
-
-
-def _early(results: Path) -> list[str]:
-    """What a trial gained that started the GPU while modules load: starts with it and without."""
-    alone, shared, without = (results / name for name in EARLY)
-    if not all(file.is_file() for file in (alone, shared, without)):
-        return []
-    stored = read_json(alone)
-    first, later = {}, {}
-    for form, starts in stored["starts"].items():
-        first[form], *rest = (f"{one['process']:.1f}" for one in starts)
-        later[form] = ", ".join(rest)
-    both = [read_json(file)["starts"] for file in (shared, without)]
-    second = [
-        f"`{what}` {of['second']['process']:.1f} s with it and {both[1][what]['second']['process']:.1f} s without"
-        for what, of in both[0].items()
-    ]
-    return [
-        f"A trial started the GPU while modules load. `{stored['training']}` was started with it and without it, by "
-        f"turns, on a host with one GPU and nothing else to do. The first start of each traced everything anew, and "
-        f"took {first['with']} s with it, where nothing was compiled before, and {first['without']} s without. Each "
-        f"later one took {later['with']} s with it and {later['without']} s without. On a shared host with four GPUs a "
-        f"second start took: {'; '.join(second)}. That is no clear gain, a GPU that fails was hidden by it, and it was "
-        f"taken out. {stored['note']} {origin([stored['where']])}"
-    ]
-
-
-def _small(results: Path) -> list[str]:
-    """What a trial gained that kept every compiled program, however small: starts with it and without."""
-    if not all((results / name).is_file() for name in SMALL):
-        return []
-    every, usual = (read_json(results / name) for name in SMALL)
-    second = []
-    for what, of in every["starts"].items():
-        with_it, without = (starts["second"]["process"] for starts in (of, usual["starts"][what]))
-        second.append(f"`{what}` {with_it:.1f} s with it and {without:.1f} s without")
-    return [
-        "A trial kept every compiled program; else a second start compiles anew what takes less than a second, which "
-        f"is JAX's limit for keeping it. A second start, once each: {'; '.join(second)}. No gain is to be seen, and "
-        f"it was taken out. {every['note']} {origin([every['where']])}"
-    ]
 
 
 Key = tuple[tuple[str, ...], str, str]

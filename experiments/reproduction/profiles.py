@@ -45,7 +45,7 @@ STEPS = {
     "graphs_closed_form": "the same of T1TL in closed form",
     "graphs_dqn": "the same of DQN, T1TL in WaterWorld",
     "cut_t1tl": "rows of MJX's contacts cut into parts, T1TL by the long schedule, twelve seeds (an iteration)",
-    "cut_t2tl": "the same of T2TL",
+    "cut_t2tl": "the same of T2TL with twelve seeds",
     "cut_large": "the same of T1TL with one seed of 65,536 environments",
 }
 """What the steps of `experiments.benchmarks.gains` are."""

@@ -303,24 +303,6 @@ def test_aims_are_judged_by_what_is_stored(tmp_path):
     assert "1,280,000 frames/s of T1TL are 10,000 gradient steps/s and 200,000 frames/s of T2TL are 1,560 " in said
     assert "| `waterworld_dqn:t2tl` | 12 seeds | H200 | 300,000 frames/s | 200,000 (1, 1) frames/s | **not re" in said
     (tmp_path / "benchmark_y.json").unlink()
-    starts = {"with": [{"process": 40.0}, {"process": 9.31}], "without": [{"process": 41.0}, {"process": 10.0}]}
-    alone, *others = aims.EARLY
-    (tmp_path / alone).write_text(json.dumps({"where": where, "note": "By hand.", "training": "x", "starts": starts}))
-    one = {"second": {"process": 12.0, "compiling": 1}, "first": {"process": 50.0, "compiling": 30.0}}
-    for name in others:
-        stored = {"where": where | {"cpu": "c"}, "settings": {"seeds": 12}, "starts": {"y": one}}
-        (tmp_path / name).write_text(json.dumps(stored))
-    said = " ".join(aims.aims(tmp_path).split())
-    assert "took 40.0 s with it, where nothing was compiled before, and 41.0 s without" in said
-    assert "later one took 9.3 s with it and 10.0 s without" in said and "`y` 12.0 s with it and 12.0 s without" in said
-    (tmp_path / aims.EARLY[-1]).unlink()
-    assert "every compiled program" not in said
-    for name, process in zip(aims.SMALL, (12.1, 11.4), strict=True):
-        stored = {"where": where | {"cpu": "c"}, "settings": {"seeds": 12}, "note": "After the other."}
-        stored["starts"] = {"y": {which: of | {"process": process} for which, of in one.items()}}
-        (tmp_path / name).write_text(json.dumps(stored))
-    assert "`y` 12.1 s with it and 11.4 s without" in " ".join(aims.aims(tmp_path).split())
-    (tmp_path / aims.SMALL[-1]).unlink()
     for changed in ({"devices": ["NVIDIA H200"] * 2}, {"git_modified": True}):
         measured.write(tmp_path / "benchmark_x.json", where | changed, {}, [row])
         assert "Not measured yet" in aims.aims(tmp_path)
