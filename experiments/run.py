@@ -55,9 +55,10 @@ def _run(config: Any, name: str, asked: Any, words: list[str], wait_for_gpu: Cal
     compilation_cache.use(config.run.compilation_cache)
     cpu_devices.use()
     # Only now: plots, statistics and checkpoints take seconds to load too, which --help and mistakes need not wait for.
-    from t2tl_jax.runs import folder
-    from t2tl_jax.runs.interrupts import Interrupted, StopRequest
-    from t2tl_jax.training import hosts as processes
+    with quiet_imports():
+        from t2tl_jax.runs import folder, train  # noqa: F401, loads all that training needs while the GPU gets ready
+        from t2tl_jax.runs.interrupts import Interrupted, StopRequest
+        from t2tl_jax.training import hosts as processes
 
     wait_for_gpu()
     path = asked.resume or Path(processes.of_first(str(folder.new_path(Path(config.run.folder), name))))

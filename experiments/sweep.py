@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from experiments.cli.errors import guarded
-from experiments.sweeps.plan import PROG, Plan, read
+from experiments.sweeps.plan import PROG, Plan, read, split
 from t2tl_jax.flags import HELP
 from t2tl_jax.quiet import quiet_imports
 
@@ -55,18 +55,20 @@ def _main(texts: list[str]) -> int:
     if HELP & set(texts):
         print(DESCRIPTION)
         return 0
+    given = split(texts)
     with quiet_imports():
         from experiments.cli import early_gpu
 
         wait_for_gpu = early_gpu.begin_for(texts)
-    plan = read(texts)
-    from experiments.cli import compilation_cache, cpu_devices
+    plan = read(given)
+    with quiet_imports():
+        from experiments.cli import compilation_cache, cpu_devices
+        from experiments.sweeps import searching
+        from experiments.sweeps.work import Work
+        from t2tl_jax.runs.interrupts import Interrupted, StopRequest
 
     compilation_cache.use(plan.config.run.compilation_cache)
     cpu_devices.use()
-    from experiments.sweeps import searching
-    from experiments.sweeps.work import Work
-    from t2tl_jax.runs.interrupts import Interrupted, StopRequest
 
     wait_for_gpu()
     with StopRequest() as stop:

@@ -7,6 +7,7 @@ import pytest
 
 from t2tl_jax.garbage import garbage_kept
 from t2tl_jax.quiet import quiet_imports
+from t2tl_jax.training import program
 
 
 @pytest.fixture(autouse=True)
@@ -55,4 +56,15 @@ def test_it_is_again_after_blocks_in_two_threads_of_which_the_first_one_ends_fir
         both_are_in.wait()
     first_is_out.wait()
     other.join()
+    assert gc.isenabled()
+
+
+def test_none_is_looked_for_while_a_training_is_traced(monkeypatch):
+    def keys(*_):
+        assert not gc.isenabled()
+        raise ValueError("traced")
+
+    monkeypatch.setattr(program, "stream_keys", keys)
+    with pytest.raises(ValueError, match="traced"):
+        program.trace(None, (0,), None)
     assert gc.isenabled()

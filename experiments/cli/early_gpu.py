@@ -1,7 +1,8 @@
 """Make the GPU ready while Python's modules load, which takes longer. Only entry points do this, never the library.
 
 JAX takes half a second to find an H200, and two more for the first array that it puts there, probably since only then
-it sets aside the memory of the GPU. Neither keeps Python from other work; what that saves says docs/performance.md.
+it sets aside the memory of the GPU. What that saves says docs/performance.md. A process does not end before the thread
+has: a mistake is told at once, but its exit code may come as much later as the GPU takes longer than the modules.
 """
 
 from collections.abc import Callable, Sequence

@@ -76,24 +76,25 @@ STARTS, TRIAL = "starts_*.json", "trial_no_triton_{}.json"
 """Of `experiments.benchmarks.starts`, among the results; and of the same and a benchmark under
 ``XLA_FLAGS=--xla_gpu_enable_triton_gemm=false``."""
 
-NOTE = """The aims were set for an H200. Frames/s are those of the newest benchmark. On two cores it ran on a slower
-machine than the one before it, as the rows in closed form show, whose program is the same. An aim for
-compiling or starting is reached where every benchmark and every start that is stored is within it, since
-they vary with the processor of the host and what else it does. Compiling does not count tracing, which the
-tables above show beside it. Trainings that began beside others on a GPU compiled for longer; their seconds
-are on the page of [results](results.md). A start is a whole process that trains for one iteration, without
+NOTE = """The aims were set for an H200. Frames/s are those of the newest benchmark. On two cores it ran on a
+slower machine than the one before it, as the rows in closed form show, whose program is the same. An aim for
+compiling or starting is reached where every benchmark and every start that is stored is within it, since they
+vary with the processor of the host and what else it does. Compiling does not count tracing, which the tables
+above show beside it. Trainings that began beside others on a GPU compiled for longer; their seconds are on
+the page of [results](results.md). A start is a whole process that trains for one iteration, without
 pre-training (`python -m experiments.benchmarks.starts`). A second one finds compiled programs on disk, which
 JAX keeps, and those that were traced, which this project keeps beside them
-([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is loading Python's modules, finding the GPU,
-and reading programs; but `starts_h200`, `starts_h200_other_host`, `starts_h200_two_gpu_host`, `starts_h100`
-and `starts_h100_shared` were measured when only the iteration was kept, and how a run begins was traced
-anew. The aim was set when JAX's compiled programs were all that was there. Starts with kept traces decide
-where there are some; all that are stored are in the second table. On GPUs, those with and without are of
-different hosts and commits. Of those on GPUs only `starts_h200_ends`, `starts_h200_squeezed`,
-`starts_h200_few`, `starts_h200_cut` and those that are newer have commands that end without Python's last
-search for garbage, which among what JAX holds takes a part of a second. Newer ones are `starts_h200_early`, by
-the commit that makes the GPU ready while modules load, `starts_h200_early_uncollected`, which also looks for no
-garbage meanwhile and while a training is traced, and `starts_h200_ready`."""
+([how](../t2tl_jax/runs/kept_traces.py)). What is left of it is loading Python's modules, making the GPU
+ready, which now goes on meanwhile, and reading programs; but `starts_h200`, `starts_h200_other_host`,
+`starts_h200_two_gpu_host`, `starts_h100` and `starts_h100_shared` were measured when only the iteration was
+kept, and how a run begins was traced anew. The aim was set when JAX's compiled programs were all that was
+there. Starts with kept traces decide where there are some; all that are stored are in the second table. On
+GPUs, those with and without are of different hosts and commits. Of those on GPUs only `starts_h200_ends`,
+`starts_h200_squeezed`, `starts_h200_few`, `starts_h200_cut` and those that are newer have commands that end
+without Python's last search for garbage, which among what JAX holds takes a part of a second. Newer ones are
+`starts_h200_early`, by the commit that makes the GPU ready while modules load,
+`starts_h200_early_uncollected`, which also looks for no garbage meanwhile and while a training is traced, and
+`starts_h200_ready`, by one that also lists packages by their folders. They are of three hosts."""
 
 LAYERS = """Where T1TL's compiling goes is in the next table; no step is most of it. Of the matrix products most are of
 the task's Transformer, whose four layers are written out. What T2TL compiles beyond that was not taken apart; it has a

@@ -76,11 +76,25 @@ def one_each(texts: Sequence[str]) -> list[str]:
     return [*words, flag] if bare else words
 
 
-def read(texts: Sequence[str]) -> Plan:
-    """What the command line asks for.
+@dataclass(frozen=True)
+class CommandLine:
+    """A command line, taken apart."""
+
+    own: argparse.Namespace
+    """The flags of a grid or a search."""
+    handed: argparse.Namespace
+    """Those that hand it to other processes."""
+    words: Sequence[str]
+    """All but the latter."""
+    rest: Sequence[str]
+    """All but both."""
+
+
+def split(texts: Sequence[str]) -> CommandLine:
+    """Take a command line apart, for which nothing has to be loaded.
 
     Raises:
-        UserError: for anything that cannot be used.
+        UserError: for what these flags do not take.
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     parser.add_argument("--grid", action="append", default=[])
@@ -99,6 +113,16 @@ def read(texts: Sequence[str]) -> Plan:
         own, rest = parser.parse_known_args(words)
     except argparse.ArgumentError as error:
         raise UserError(f"{error}; see --help") from error
+    return CommandLine(own, handed, words, rest)
+
+
+def read(given: CommandLine) -> Plan:
+    """What the command line asks for.
+
+    Raises:
+        UserError: for anything that cannot be used.
+    """
+    own, handed, words, rest = given.own, given.handed, given.words, given.rest
     with quiet_imports():
         from experiments import tuning
         from experiments.cli import grid, request

@@ -30,8 +30,9 @@ OWN = ("t2tl_jax", "envs")
 ELSEWHERE = ("seeds", "pretrained", "pretraining_schedule", "until_solved", "convergence", "selection", "plan", "run")
 """Fields of a configuration that no program of training depends on, but for shapes, which count by themselves."""
 
-RECORDS = ("*.dist-info", "*.egg-info")
-"""How installers name the folder, or file, that stands for a package: by its name and its version."""
+RECORDS = ("*.dist-info", "*.egg-info", "*.egg")
+"""How installers name the folder, or file, that stands for a package: by its name and its version, but for what is
+installed from its sources in the old way, whose name alone this is."""
 
 _folders: list[Path] = []
 
@@ -101,8 +102,7 @@ def _installed() -> str | None:
     one that was imported, or cannot be read."""
     places = [place for name in OWN for place in _folders_of(name)]
     try:
-        # By their folders' names: to read what each of some hundred packages says of itself takes a part of a second.
-        packages = sorted(found.name for place in sys.path for kind in RECORDS for found in Path(place).glob(kind))
+        packages = sorted(_record(found) for place in sys.path for kind in RECORDS for found in Path(place).glob(kind))
         files = {path: path.relative_to(place.parent) for place in places for path in place.rglob("*") if _counts(path)}
         if any(path.stat().st_mtime > loaded.AT for path in files):
             return None
@@ -110,6 +110,12 @@ def _installed() -> str | None:
     except OSError:  # such as an editor's file that comes and goes
         return None
     return "\n".join((sys.version, *packages, *content))
+
+
+def _record(found: Path) -> str:
+    """Name and version of a package. Names of folders tell them: to read what each of some hundred packages says of
+    itself takes a part of a second."""
+    return found.name if "-" in found.stem else f"{found.name} {_digest((found / 'PKG-INFO').read_bytes())}"
 
 
 def _folders_of(package: str) -> list[Path]:

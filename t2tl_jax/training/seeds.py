@@ -42,10 +42,9 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 def stream_keys(seeds: Sequence[int], stream: int) -> jax.Array:
     """One typed key per seed, ``key[len(seeds)]``, for one of the streams named above."""
-    return _keys(np.asarray(seeds, np.uint32), stream)
+    return _keys(np.asarray(seeds, np.uint32), stream, jax.config.values["jax_default_prng_impl"])
 
 
-@jax.jit  # one small program instead of one for each operation, which every start would compile
-@partial(jax.vmap, in_axes=(0, None))
-def _keys(seed: jax.Array, stream: jax.Array) -> jax.Array:
-    return jax.random.fold_in(jax.random.key(seed), stream)
+@partial(jax.jit, static_argnums=2)  # one small program, where every start would compile one for each operation
+def _keys(seeds: jax.Array, stream: jax.Array, kind: str) -> jax.Array:
+    return jax.vmap(lambda seed: jax.random.fold_in(jax.random.key(seed, impl=kind), stream))(seeds)

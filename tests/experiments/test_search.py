@@ -218,7 +218,7 @@ def test_a_search_leaves_ordinary_runs_and_says_how_to_report(tmp_path, capsys):
 @pytest.mark.parametrize("words", [["64"], ["64", "trials"], ["64 trials"]])
 def test_how_many_trials_may_be_said_in_words(words):
     flags = ["--config", "fake", "--search", *words, "--space", "learner.rate=log:1e-3..1e-1"]
-    assert plan.read(flags).trials == 64
+    assert plan.read(plan.split(flags)).trials == 64
 
 
 @pytest.mark.parametrize("words", [["0"], ["-3"], ["four"], ["4", "runs"], ["4", "5"], [""], ["9" * 5000]])

@@ -130,7 +130,7 @@ def test_the_page_compares_versions_with_the_last_one_of_each_host(tmp_path):
     }
     (tmp_path / start_trials.EARLY).write_text(json.dumps(content))
     said = words(tmp_path)
-    assert "they take 1.2 to 2.5 s less than before" in said
-    assert "(before 0123456, early abcdefg;" in said and "modules were loaded after 4.0 s and 4.0 s;" in said
+    assert "they take 1.2 to 2.5 s less than before on average; and with the GPU made ready alone -8.0 to 1.2 s" in said
+    assert "(commits: before 0123456, early abcdefg)" in said and "modules were loaded after 4.0 s and 4.0 s;" in said
     assert "| `x` | 1 | before | 9.0 s | 12.0, 14.0 s (13.0 s) |" in said
     assert f"| `x` | 2 | {start_trials.FORMS['early']} | - | 20.0 s (20.0 s) |" in said

@@ -102,7 +102,8 @@ def command(folder, *flags):
 
 def test_axes_stand_after_one_flag_or_after_several():
     one, two = "learner.rate=1e-2,3e-2", "episode-length=5,6"
-    read = [plan.read(["--config", "fake", *words]) for words in (("--grid", one, two), ("--grid", one, "--grid", two))]
+    told = (("--grid", one, two), ("--grid", one, "--grid", two))
+    read = [plan.read(plan.split(["--config", "fake", *words])) for words in told]
     assert len(read[0].points) == 4 and read[0].points == read[1].points
 
 

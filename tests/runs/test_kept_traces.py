@@ -119,8 +119,16 @@ def test_another_package_or_version_has_another(config, kept, tmp_path, monkeypa
             patch.syspath_prepend(place)
             kept_traces._installed.cache_clear()
             found.append(file_of(config))
+    record = tmp_path / "from_sources" / "some_package.egg-info"
+    record.mkdir(parents=True)
+    for version in ("1.0", "1.1"):
+        (record / "PKG-INFO").write_text(f"Version: {version}")
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(record.parent)
+            kept_traces._installed.cache_clear()
+            found.append(file_of(config))
     kept_traces._installed.cache_clear()
-    assert len(set(found)) == 4 and file_of(config) == found[0]
+    assert len(set(found)) == 6 and None not in found and file_of(config) == found[0]
 
 
 def test_a_source_that_changed_since_it_was_imported_keeps_nothing(config, kept, tmp_path, monkeypatch):

@@ -1,9 +1,10 @@
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from t2tl_jax.training.devices import lanes, padded, seed_sharding
-from t2tl_jax.training.seeds import parse_seeds, stream_keys
+from t2tl_jax.training.seeds import TRAINING, parse_seeds, stream_keys
 from tests.four_devices import run_on_four_devices
 
 
@@ -22,6 +23,15 @@ def test_other_texts_are_refused(text):
 def test_keys_depend_on_the_seed_alone():
     together, alone = stream_keys((0, 3, 7), 1), stream_keys((3,), 1)
     np.testing.assert_array_equal(jax.random.key_data(together)[1], jax.random.key_data(alone)[0])
+
+
+def test_keys_are_those_of_jax_and_of_its_kind_by_default():
+    for kind in ("threefry2x32", "rbg"):  # also one after the other in one process
+        with jax.default_prng_impl(kind):
+            wanted = [jax.random.fold_in(jax.random.key(seed), TRAINING) for seed in (3, 2**32 - 1)]
+            found = stream_keys((3, 2**32 - 1), TRAINING)
+        assert found.dtype == wanted[0].dtype
+        assert (jax.random.key_data(found) == jnp.stack([jax.random.key_data(key) for key in wanted])).all()
 
 
 def test_one_device_needs_no_sharding():
