@@ -15,6 +15,9 @@ SMALL = ("trial_small_programs.json", "starts_h200_kept_shared.json")
 EARLY = "trial_early_gpu.json"
 """Versions by turns: one that makes the GPU ready while modules load, and one that looks for garbage less."""
 
+GARBAGE = "trial_garbage.json"
+"""Loading and tracing with garbage looked for, and as a run does it, by turns."""
+
 FORMS = {
     "before": "before",
     "early": "with the GPU made ready while modules load",
@@ -28,7 +31,7 @@ FORMS = {
 
 def trials(results: Path) -> list[str]:
     """Paragraphs and tables, in the order of the trials; those that are not stored are left out."""
-    return [*map(paragraph, (*_asked_for(results), *_small(results))), *_early(results)]
+    return [*map(paragraph, (*_asked_for(results), *_small(results))), *_early(results), *_garbage(results)]
 
 
 def _asked_for(results: Path) -> list[str]:
@@ -91,6 +94,7 @@ def _early(results: Path) -> list[str]:
     alone = [
         _mean(forms["before"]) - _mean(forms["early"]) for run in stored["runs"] for forms in run["starts"].values()
     ]
+    versions = [run["where"] | {"git_revision": of} for run in stored["runs"] for of in stored["commits"].values()]
     commits = ", ".join(f"{name} {commit({'git_revision': of})}" for name, of in stored["commits"].items())
     gained = f"""Later starts, the second and those after it, by turns, each a whole process of its own, on two hosts,
         one after the other (commits: {commits}). In brackets is the mean. By `now`, or where that was not tried by
@@ -104,14 +108,29 @@ def _early(results: Path) -> list[str]:
         paragraph(f"""Python's own end costs nothing that can be seen. The starts of `starts_h200_early_uncollected`
             were made on the second host, by `now` and before the trial, and are longer than the trial's: what a start
             takes varies by seconds from minute to minute. So the gain is that of the trial, and no aim is judged by it.
-            {
-            origin(
-                [
-                    *({"git_revision": of} for of in stored["commits"].values()),
-                    *(run["where"] for run in stored["runs"]),
-                ]
-            )
-        }"""),
+            {origin(versions)}"""),
+    ]
+
+
+def _garbage(results: Path) -> list[str]:
+    """What the search for garbage costs before a training begins."""
+    if not (results / GARBAGE).is_file():
+        return []
+    stored = read_json(results / GARBAGE)
+    usual, kept = stored["forms"]["looked for"], stored["forms"]["not looked for"]
+
+    def both(step: str) -> str:
+        with_it, without = ([one[step] for one in of] for of in (usual, kept))
+        ranges = (f"{fmean(of):.1f} ({min(of):.1f} to {max(of):.1f})" for of in (with_it, without))
+        return " s with it and ".join(ranges) + " s without"
+
+    most = (f"{max(one['mib'] for one in of):.0f} MiB" for of in (usual, kept))
+    return [
+        paragraph(f"""What the search for garbage costs was measured on a CPU, {len(usual)} times each, by turns, in
+            processes of their own: seconds of the thread that loads modules and traces `{stored["training"]}` with
+            {stored["seeds"]} seeds. Loading modules takes {both("modules")}, tracing {both("traced")}: what both make
+            stays, and Python looks through all of it again and again. At most the process holds
+            {" with it and ".join(most)} without. {stored["note"]} {origin([stored["where"]])}""")
     ]
 
 

@@ -104,6 +104,19 @@ def test_the_page_says_what_it_gained_to_keep_every_program(tmp_path):
     assert "`y` 12.1 s with it and 11.4 s without" in words(tmp_path)
 
 
+def test_the_page_says_what_the_search_for_garbage_costs(tmp_path):
+    stored(tmp_path, "starts_a.json", 19.0, 9.0)
+    forms = {
+        "looked for": [{"modules": 3.0, "traced": 14.0, "mib": 371.0}, {"modules": 4.0, "traced": 12.0, "mib": 370.0}],
+        "not looked for": [{"modules": 2.0, "traced": 11.0, "mib": 380.2}],
+    }
+    content = {"where": WHERE, "training": "x", "seeds": 12, "note": "Alone.", "forms": forms}
+    (tmp_path / start_trials.GARBAGE).write_text(json.dumps(content))
+    said = words(tmp_path)
+    assert "Loading modules takes 3.5 (3.0 to 4.0) s with it and 2.0 (2.0 to 2.0) s without, tracing 13.0" in said
+    assert "holds 371 MiB with it and 380 MiB without. Alone." in said
+
+
 def test_the_page_compares_versions_with_the_last_one_of_each_host(tmp_path):
     stored(tmp_path, "starts_a.json", 19.0, 9.0)
 

@@ -141,7 +141,7 @@ def test_training_commands_are_understood(page, corridor):
     """Configuration, method and every flag, read as the command itself reads them, but for names of folders."""
     for module, words in commands(page):
         if module == "experiments.sweep":
-            assert (plan := sweep.read(words)).points or plan.space
+            assert (plan := sweep.read(sweep.split(words))).points or plan.space
         prefix = {"experiments.run": "", "experiments.pretrain": "pretrain_"}.get(module)
         if prefix is None or "--resume" in words:
             continue
